@@ -80,10 +80,10 @@ def friction_shares(
         for block, run in np.argwhere(~records.missing[q]):
             angle = records.angle[q, block, run][..., :n]
             torque = _mean_torque(records, (q, block, run), delay)
-            rest = torque - motion.torque(angle).reshape(-1, n)
+            surplus = torque - motion.torque(angle).reshape(-1, n)
             signs = _signs(angle.reshape(-1, n), least)
             resting.append((signs == 0).mean(axis=0))
-            pairs = zip(rest.T, signs.T, strict=True)
+            pairs = zip(surplus.T, signs.T, strict=True)
             filled = np.stack([_filled(r, one, motion.smoothing) for r, one in pairs], axis=1)
             shares[q, block, run] = filled.reshape(angle.shape)
     _warn_of_rest(np.mean(resting, axis=0))
@@ -190,17 +190,17 @@ def _signs(angle: Array, least: Array) -> Array:
     return signs
 
 
-def _filled(rest: Array, signs: Array, smoothing: float) -> Array:
-    """Return shares (M,): signs where there are, else what `rest` (M,) [N m] tells of them."""
+def _filled(surplus: Array, signs: Array, smoothing: float) -> Array:
+    """Return shares (M,): signs where there are, else what `surplus` (M,) [N m] tells of them."""
     clear = signs != 0
     if not clear.any():
-        return np.zeros(len(rest))
+        return np.zeros(len(surplus))
     columns = np.stack([clear, signs], axis=1)
-    level = float(np.linalg.lstsq(columns[clear], rest[clear])[0][1])
+    level = float(np.linalg.lstsq(columns[clear], surplus[clear])[0][1])
     if level <= 0:  # no friction
         return signs
-    slow = _interpolated(clear * (rest - level * signs), clear.astype(float), smoothing)
-    between = np.clip((rest - slow) / level, -_LARGEST, _LARGEST)
+    slow = _interpolated(clear * (surplus - level * signs), clear.astype(float), smoothing)
+    between = np.clip((surplus - slow) / level, -_LARGEST, _LARGEST)
     between[[0, 1, -2, -1]] = 0.0
     return np.where(clear, signs, between)
 

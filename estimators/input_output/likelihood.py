@@ -116,14 +116,9 @@ class RunLikelihood:
             gain = np.asarray(A / root[..., None, :], dtype=complex)
         else:
             gain = _adjoint(np.linalg.solve(root, _adjoint(A)))
-        blank = np.empty(0, dtype=complex)
-        errors = Errors(root, blank, blank, X @ _adjoint(X), gain)
+        errors = Errors(root, X[..., :0], X[..., :0], X @ _adjoint(X), gain)
         whitened = errors.whiten(self.raw_errors(response))
-        part: FreePart | PolynomialPart | CoulombPart | None = None
-        if free is not None:
-            part = _free_part(free, errors, whitened)
-        elif self.data.coulomb is not None:
-            part = self._friction(response, errors, whitened)
+        part = self._along(response, errors, whitened, free)
         if part is not None:
             whitened = part.taken_off(whitened)
         U = self.inputs(part)
@@ -134,10 +129,21 @@ class RunLikelihood:
             inputs = U - gain @ whitened
         return replace(errors, whitened=whitened, inputs=inputs, free=part)
 
-    def _friction(
-        self, response: ComplexArray, errors: Errors, whitened: ComplexArray
-    ) -> CoulombPart:
-        """Return what other levels of friction could explain: e = Y - G (U - S c)."""
+    def _along(
+        self,
+        response: ComplexArray,
+        errors: Errors,
+        whitened: ComplexArray,
+        free: FreeResponse | LocalPolynomials | None,
+    ) -> FreePart | PolynomialPart | CoulombPart | None:
+        """Return what is estimated along of whitened errors.
+
+        Free responses, or other levels of friction, by e = Y - G (U - S c).
+        """
+        if free is not None:
+            return _free_part(free, errors, whitened)
+        if self.data.coulomb is None:
+            return None
         moved = np.einsum("qfmn,qfne->qfmen", response, self._shares, optimize=True)
         return CoulombPart.of(-errors.whiten(moved), whitened)
 

@@ -110,14 +110,7 @@ class RunSpectra(ReprHtml):
         shapes = {"positions": (q, *columns), "omega": (f,), "covariance": (q, f, m + n, m + n)}
         _check_arrays(arrays, shapes)
         _check_covariance(arrays["covariance"], arrays["omega"])
-        freedom = real_numbers(self.degrees_of_freedom, "degrees_of_freedom")
-        if freedom.shape not in ((), (q,)):
-            raise InvalidInput(f"degrees_of_freedom: shape {freedom.shape}; () or ({q},) is needed")
-        freedom = np.broadcast_to(freedom, (q,)).copy()
-        if not (freedom >= FEWEST).all():
-            raise InvalidInput(
-                f"degrees_of_freedom: {np.nanmin(freedom):g}; {FEWEST} at least are needed"
-            )
+        freedom = _freedom(self.degrees_of_freedom, q)
         derivatives = np.broadcast_to(whole_numbers(self.derivatives, "derivatives"), (m,)).copy()
         if self.coulomb is not None and self.has_states:
             raise InvalidInput(
@@ -390,6 +383,20 @@ def _check_alive(records: Records, who: str) -> None:
             IdentificationWarning,
             stacklevel=2,
         )
+
+
+def _freedom(given: ArrayLike, positions: int) -> Array:
+    """Return degrees of freedom of each position, (Q,)."""
+    freedom = real_numbers(given, "degrees_of_freedom")
+    if freedom.shape not in ((), (positions,)):
+        raise InvalidInput(
+            f"degrees_of_freedom: shape {freedom.shape}; () or ({positions},) is needed"
+        )
+    if not (freedom >= FEWEST).all():
+        raise InvalidInput(
+            f"degrees_of_freedom: {np.nanmin(freedom):g}; {FEWEST} at least are needed"
+        )
+    return np.broadcast_to(freedom, (positions,)).copy()
 
 
 def _check_arrays(arrays: dict[str, NDArray[Any]], shapes: dict[str, tuple[int, ...]]) -> None:

@@ -77,13 +77,7 @@ def identify(
     Example: oed identify manutec_r3 out/manutec_r3_experiment/records.h5
     """
     one_thread_each()
-    from estimators import (
-        check_rigid_runs,
-        covariance,
-        multistart,
-        read_records,
-        settled_runs,
-    )
+    from estimators import check_rigid_runs, covariance, multistart, read_records
     from estimators.frf.frf_from_records import collected_warnings
     from robotmodels import load_robot, save_robot
     from robotmodels.common.errors import naming
@@ -93,10 +87,8 @@ def identify(
     with collected_warnings() as warnings:
         loops = _torque_loops(model, *next(iter(runs.items())))
         options: dict[str, Any] = {"noise": noise, "delay": delay, "hold": hold, "states": states}
-        data = _joined(runs, **options)
+        data = _joined(runs, model if friction else None, **options)
         with naming(_files(records)):
-            if friction:
-                data = settled_runs(model, [*runs.values()], **options)
             fits = multistart(model, data, _starts(model, starts, decades), weights=rows)
             check_rigid_runs(data, model)  # after the fit has refused data of other robots
     fit = fits[0]
@@ -126,9 +118,11 @@ def _files(records: list[Path]) -> str:
     return f"{records[0]} and {more} more" if more else str(records[0])
 
 
-def _joined(runs: "Mapping[Path, RecordsOfRuns]", **options: Any) -> "RunSpectra":
-    """Return the spectra of the records of all files."""
-    from estimators import RunSpectra, run_spectra
+def _joined(
+    runs: "Mapping[Path, RecordsOfRuns]", friction: "ElasticRobot | None", **options: Any
+) -> "RunSpectra":
+    """Return the spectra of the records of all files; `friction` of motors of this robot."""
+    from estimators import RunSpectra, run_spectra, settled_runs
     from robotmodels.common.errors import naming
 
     parts = []
@@ -136,6 +130,8 @@ def _joined(runs: "Mapping[Path, RecordsOfRuns]", **options: Any) -> "RunSpectra
         with naming(path):
             parts.append(run_spectra(records, **options))
     with naming(_files([*runs])):
+        if friction is not None:
+            return settled_runs(friction, [*runs.values()], **options)
         return parts[0] if len(parts) == 1 else RunSpectra.join(parts)
 
 
