@@ -19,7 +19,9 @@ from robotmodels.records.records import Records
 Noise = str | tuple[ArrayLike, ArrayLike]
 """Where the noise is seen, or what it is, see `run_spectra`."""
 
-_MOST = 10
+_MOST = 6
+_COARSE = 1e-5
+"""Relative change of costs at which fits in between end."""
 _SETTLED = 1e-2
 """Relative change of values and levels, of which a hundredth is left in friction's course."""
 
@@ -66,9 +68,9 @@ def settled_runs(
     data = runs_at(model, records, values, noise, friction=friction, **choice)
     if data.coulomb is None and not data.silent:
         return data
+    # Near first, with friction of the levels there are, which is compiled; then both together.
+    result = fit(model, replace(data, coulomb=None), start=values, prior=prior)
     for _ in range(_MOST):
-        # With friction of the levels there are, which is compiled.
-        result = fit(model, replace(data, coulomb=None), start=values, prior=prior)
         change = np.abs(np.log(result.parameters.values / values)).max()
         values, before = result.parameters.values, data
         data = runs_at(model, records, values, noise, friction=friction, **choice)
@@ -78,6 +80,7 @@ def settled_runs(
             change = max(change, moved / np.abs(levels).max())
         if change <= _SETTLED:
             break
+        result = fit(model, data, start=values, prior=prior, tolerance=_COARSE)
     return data
 
 

@@ -385,9 +385,9 @@ def _check_alive(records: Records, who: str) -> None:
         )
 
 
-def _freedom(given: ArrayLike, positions: int) -> Array:
+def _freedom(stated: ArrayLike, positions: int) -> Array:
     """Return degrees of freedom of each position, (Q,)."""
-    freedom = real_numbers(given, "degrees_of_freedom")
+    freedom = real_numbers(stated, "degrees_of_freedom")
     if freedom.shape not in ((), (positions,)):
         raise InvalidInput(
             f"degrees_of_freedom: shape {freedom.shape}; () or ({positions},) is needed"

@@ -14,7 +14,7 @@ from estimators.fitting.run_problem import RunProblem
 from estimators.frf.spectra import Spectra, spectra
 from estimators.input_output.likelihood import RunLikelihood
 from estimators.input_output.run_scatter import input_scatter, products, square_spread
-from estimators.input_output.run_spectra import _from_blocks
+from estimators.input_output.run_noise import _from_blocks
 from robotmodels import IdentificationWarning, InvalidInput
 
 BOUNDS = np.outer([1e-3, 1e3], TRUTH)
@@ -250,13 +250,15 @@ def test_blocks_have_the_same_noise_in_all_runs_by_any_references(kind: str) -> 
     omega, ones = np.arange(1.0, F + 1), np.ones((blocks, n), dtype=bool)
     U, Y = Z[:, None, :, m:], Z[:, None, :, :m]
     measured = Spectra(omega, R[:, None], U, Y, U[:, :0], Y[:, :0], 0.0, ones)
-    outputs, inputs, covariance, nu = _from_blocks(  # reads no records
+    noise = _from_blocks(  # reads no records
         measured,
         None,  # type: ignore[arg-type]
         spectra,
         "position 1",
     )
-    data = RunSpectra(np.zeros((1, n)), omega, inputs[None], outputs[None], covariance[None], nu)
+    each = noise.inputs[None], noise.outputs[None], noise.covariance[None]
+    nu = noise.degrees_of_freedom
+    data = RunSpectra(np.zeros((1, n)), omega, *each, np.array(nu))
     whitened = RunLikelihood(data, False).errors(G[None]).whitened
     size = (np.abs(whitened) ** 2).mean(axis=(0, 1, 2)) * (nu - m) / nu
     np.testing.assert_allclose(size, 1.0, atol=0.2)  # each of 600 complex numbers
