@@ -77,7 +77,7 @@ def settled_runs(
         if before.coulomb is not None and data.coulomb is not None:
             levels = data.coulomb.levels
             moved = np.abs(levels - before.coulomb.levels).max()
-            change = max(change, moved / np.abs(levels).max())
+            change = max(change, moved / max(np.abs(levels).max(), np.finfo(float).tiny))
         if change <= _SETTLED:
             break
         result = fit(model, data, start=values, prior=prior, tolerance=_COARSE)

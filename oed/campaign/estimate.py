@@ -29,6 +29,9 @@ _SAME_COST = 1e-3
 _DRIFT = 0.01
 """Probability of the drift test below which there is doubt."""
 
+_FEW = 0.5
+"""Share of the searches that end at the least cost at which there is doubt."""
+
 FITTED = ("first", "accuracy", "repeat")
 """Purposes of visits that are fitted: at a low level friction is too much of it all."""
 
@@ -101,7 +104,7 @@ class Estimate:
                 "do, or transients last longer; warm it up, or allow more transient_periods, "
                 "and begin anew"
             )
-        if self.reached < 1:
+        if self.reached <= _FEW:
             doubts.append(
                 f"only {self.reached:.0%} of the searches ended at the least cost; another minimum "
                 "may be the true one; narrower guesses help"

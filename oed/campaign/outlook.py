@@ -14,7 +14,7 @@ from oed.exact.plan_score import standard_deviations
 from oed.information_sets.experiment_candidates import ExperimentCandidates
 from robotmodels.common.arrays import Array
 
-_GAP = 1e-3
+_GAP = 1e-2
 """Of the least time: visits are rounded to runs and periods anyway."""
 
 

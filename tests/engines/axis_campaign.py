@@ -18,7 +18,7 @@ minutes: 20
 candidates: {sobol: 4}
 multisine: {band: [1.0, 60.0], sample_time: 0.002, period: 2.0, detection: 5}
 limits: {speed: 5.0, swing: 0.05}
-imperfections: {angle_noise: 1.0e-4, friction: 0, nonlinear_gears: false}
+imperfections: {angle_noise: 1.0e-5, friction: 0, nonlinear_gears: false}
 output: out
 """
 

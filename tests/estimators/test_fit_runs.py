@@ -13,8 +13,8 @@ from estimators import Prior, RunSpectra, covariance, fit, run_spectra
 from estimators.fitting.run_problem import RunProblem
 from estimators.frf.spectra import Spectra, spectra
 from estimators.input_output.likelihood import RunLikelihood
-from estimators.input_output.run_scatter import input_scatter, products, square_spread
 from estimators.input_output.run_noise import _from_blocks
+from estimators.input_output.run_scatter import input_scatter, products, square_spread
 from robotmodels import IdentificationWarning, InvalidInput
 
 BOUNDS = np.outer([1e-3, 1e3], TRUTH)
