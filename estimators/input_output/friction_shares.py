@@ -86,7 +86,8 @@ def friction_shares(
             pairs = zip(surplus.T, signs.T, strict=True)
             filled = np.stack([_filled(r, one, motion.smoothing) for r, one in pairs], axis=1)
             shares[q, block, run] = filled.reshape(angle.shape)
-    _warn_of_rest(np.mean(resting, axis=0))
+    if resting:
+        _warn_of_rest(np.mean(resting, axis=0))
     return replace(records, torque=shares, command=None)
 
 
@@ -115,7 +116,17 @@ class _Motion:
         n, count, step = records.torque.shape[-1], records.samples, records.sample_time
         lines = np.arange(1, max(2, int(_BAND * count)))
         omega = np.append(2 * np.pi * lines / (count * step), _FAST)
+        if not model.network(position[None], values).linear_model().measured.torque.ideal:
+            raise InvalidInput(
+                "friction: torque_gain, torque_delay and torque_lag of the robot file act on "
+                "commands; leave them out, and record measured torques"
+            )
         G = frequency_response(model, position[None], omega, values)[0, :, :n]
+        if G.shape[1:] != (n, n):
+            raise InvalidInput(
+                f"friction: {n} motors were recorded; the robot has {G.shape[2]}, and "
+                f"{G.shape[1]} outputs that may be theirs"
+            )
         stiff = np.linalg.inv(G)
         inertia = stiff[-1].real
         mean = np.sinc(omega[:-1] * step / (2 * np.pi)) ** 2  # with triangular weights
@@ -145,7 +156,7 @@ def _least_speeds(model: Elastic, motors: int) -> Array:
     """Return speeds from which friction is full, (n,) [rad/s]; beside noise."""
     if not isinstance(model, ElasticRobot):
         return np.zeros(motors)
-    for name, output in zip(model.motor_names, model.outputs[:motors], strict=True):
+    for name, output in zip(model.motor_names, model.outputs, strict=False):
         if output.motor != name or output.quantity != "acceleration" or not output.ideal:
             raise InvalidInput(
                 f"friction: output {output.name!r} is not the encoder of motor {name!r}; the first "

@@ -26,6 +26,9 @@ from robotmodels.common.errors import IdentificationError
 from robotmodels.common.fingerprints import file_digest
 from robotmodels.common.progress import Progress
 
+_RESERVE = 0.97
+"""Of targets, that plans aim at: what visits tell scatters by some per cent."""
+
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
@@ -105,7 +108,7 @@ class Evaluation:
         targets = self.settings.accuracies(names)
         if latest is not None:
             # Quoted standard deviations are those of Theorem 1, or larger by what residuals tell.
-            targets = targets / latest.inflation
+            targets = _RESERVE * targets / latest.inflation
         finite = {n: float(t) for n, t in zip(names, targets, strict=True) if np.isfinite(t)}
         if latest is not None:
             return self.planner.forecast(latest, finite, self.settings.minutes - self.minutes)
