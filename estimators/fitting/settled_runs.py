@@ -1,5 +1,6 @@
 """Runs whose noise and friction are those beside a fit."""
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -13,6 +14,7 @@ from estimators.fitting.run_problem import run_problem
 from estimators.input_output.coulomb import CoulombPart
 from estimators.input_output.run_spectra import RunSpectra, run_spectra
 from robotmodels.common.arrays import Array
+from robotmodels.common.errors import IdentificationWarning
 from robotmodels.linear.response import Elastic, frequency_response
 from robotmodels.records.records import Records
 
@@ -23,7 +25,7 @@ _MOST = 6
 _COARSE = 1e-5
 """Relative change of costs at which fits in between end."""
 _SETTLED = 1e-2
-"""Relative change of values and levels, of which a hundredth is left in friction's course."""
+"""Relative change of values, of which a hundredth is left in friction's course."""
 
 
 def settled_runs(
@@ -40,7 +42,7 @@ def settled_runs(
 
     Friction moves motors at lines that were not excited too, by the FRF that fits tell, and its
     course in turns takes a model, see `friction_shares`. So runs are read by the guesses, fitted,
-    and read again by the fit, until values and levels of friction change by less than a hundredth.
+    and read again by the fit, until values change by less than a hundredth.
 
     Parameters
     ----------
@@ -72,15 +74,17 @@ def settled_runs(
     result = fit(model, replace(data, coulomb=None), start=values, prior=prior)
     for _ in range(_MOST):
         change = np.abs(np.log(result.parameters.values / values)).max()
-        values, before = result.parameters.values, data
+        values = result.parameters.values
         data = runs_at(model, records, values, noise, friction=friction, **choice)
-        if before.coulomb is not None and data.coulomb is not None:
-            levels = data.coulomb.levels
-            moved = np.abs(levels - before.coulomb.levels).max()
-            change = max(change, moved / max(np.abs(levels).max(), np.finfo(float).tiny))
         if change <= _SETTLED:
-            break
+            return data
         result = fit(model, data, start=values, prior=prior, tolerance=_COARSE)
+    warnings.warn(
+        f"runs: noise and friction still change values by {change:.2g} after {_MOST} fits; start "
+        "nearer, or measure more",
+        IdentificationWarning,
+        stacklevel=2,
+    )
     return data
 
 
@@ -113,6 +117,9 @@ def runs_at(
     at = frequency_response(model, data.positions, data.omega, values)
     covariance = []
     for q, silent in enumerate(data.silent):
+        if silent is None:
+            covariance.append(data.covariance[q])
+            continue
         here = frequency_response(model, data.positions[q : q + 1], silent.omega, values)[0]
         covariance.append(silent.covariance_beside(data.omega, at[q], here, levels[q]))
     return replace(data, covariance=np.stack(covariance))

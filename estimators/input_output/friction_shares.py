@@ -45,7 +45,12 @@ _FAST = 1e7
 
 
 def friction_shares(
-    records: Records, model: Elastic, values: Array | None = None, delay: float = 0.0
+    records: Records,
+    model: Elastic,
+    values: Array | None = None,
+    delay: float = 0.0,
+    *,
+    hold: bool = True,
 ) -> Records:
     """Return the records with the shares s of friction, -1 to 1, in place of torques.
 
@@ -62,11 +67,13 @@ def friction_shares(
         Its parameters; by default its own.
     delay : float, s
         By which angles are late; shares are then late as well.
+    hold : bool
+        Whether commanded torques were held over each sample.
 
     Raises
     ------
     InvalidInput
-        If the first outputs are not the motors' encoders, or the model counts friction as dampers.
+        If the first outputs are not the motors' angles; and as `check_motors`.
     """
     n = records.torque.shape[-1]
     if records.angle.shape[-1] < n or not (records.derivatives[:n] == 2).all():
@@ -79,7 +86,7 @@ def friction_shares(
         motion = _Motion.of(records, model, records.positions[q], values)
         for block, run in np.argwhere(~records.missing[q]):
             angle = records.angle[q, block, run][..., :n]
-            torque = _mean_torque(records, (q, block, run), delay)
+            torque = _mean_torque(records, (q, block, run), delay, held=hold and records.commanded)
             surplus = torque - motion.torque(angle).reshape(-1, n)
             signs = _signs(angle.reshape(-1, n), least)
             resting.append((signs == 0).mean(axis=0))
@@ -116,17 +123,7 @@ class _Motion:
         n, count, step = records.torque.shape[-1], records.samples, records.sample_time
         lines = np.arange(1, max(2, int(_BAND * count)))
         omega = np.append(2 * np.pi * lines / (count * step), _FAST)
-        if not model.network(position[None], values).linear_model().measured.torque.ideal:
-            raise InvalidInput(
-                "friction: torque_gain, torque_delay and torque_lag of the robot file act on "
-                "commands; leave them out, and record measured torques"
-            )
         G = frequency_response(model, position[None], omega, values)[0, :, :n]
-        if G.shape[1:] != (n, n):
-            raise InvalidInput(
-                f"friction: {n} motors were recorded; the robot has {G.shape[2]}, and "
-                f"{G.shape[1]} outputs that may be theirs"
-            )
         stiff = np.linalg.inv(G)
         inertia = stiff[-1].real
         mean = np.sinc(omega[:-1] * step / (2 * np.pi)) ** 2  # with triangular weights
@@ -152,30 +149,52 @@ class _Motion:
         return np.asarray((second @ self.inertia.T).reshape(angle.shape) + slow)
 
 
+def check_motors(robot: ElasticRobot) -> None:
+    """Refuse robots whose motors do not tell their friction.
+
+    Raises
+    ------
+    InvalidInput
+        If the first outputs are not the encoders of all motors, if torques or readings are late, or
+        friction counts as dampers.
+    """
+    for i, motor in enumerate(robot.file.motors):
+        output = robot.outputs[i] if i < len(robot.outputs) else None
+        if output is None or (output.motor, output.quantity) != (motor.name, "acceleration"):
+            raise InvalidInput(
+                f"friction: output {i + 1} of the robot is not the encoder of motor "
+                f"{motor.name!r}; the first outputs must be those of all motors, in their order"
+            )
+        if motor.coulomb_speed is not None:
+            raise InvalidInput(
+                f"friction: motor {motor.name!r} counts it as a damper at its coulomb_speed; leave "
+                "that out of the robot file, or do not estimate its level"
+            )
+        late = (motor.torque_gain, motor.torque_delay, motor.torque_lag, robot.file.delay)
+        if late != (1.0, 0.0, 0.0, 0.0) or not output.ideal:
+            raise InvalidInput(
+                f"friction: delay, gain and lag of torques and of the encoder of motor "
+                f"{motor.name!r} hide its course; leave them out, and correct records for them"
+            )
+
+
 def _least_speeds(model: Elastic, motors: int) -> Array:
     """Return speeds from which friction is full, (n,) [rad/s]; beside noise."""
     if not isinstance(model, ElasticRobot):
         return np.zeros(motors)
-    for name, output in zip(model.motor_names, model.outputs, strict=False):
-        if output.motor != name or output.quantity != "acceleration" or not output.ideal:
-            raise InvalidInput(
-                f"friction: output {output.name!r} is not the encoder of motor {name!r}; the first "
-                f"{motors} outputs of the robot must be those, in the order of the motors"
-            )
-    counted = [motor.name for motor in model.file.motors if motor.coulomb_speed is not None]
-    if counted:
+    if len(model.file.motors) != motors:
         raise InvalidInput(
-            f"friction: motor {counted[0]!r} counts it as a damper at its coulomb_speed; leave "
-            "that out of the robot file, or do not estimate its level"
+            f"friction: {motors} motors were recorded; {model.name} has {len(model.file.motors)}"
         )
+    check_motors(model)
     return _FULL * np.array([motor.coulomb_width for motor in model.file.motors])
 
 
-def _mean_torque(records: Records, run: tuple[int, int, int], delay: float) -> Array:
+def _mean_torque(records: Records, run: tuple[int, int, int], delay: float, *, held: bool) -> Array:
     """Return torques, means about the samples of angles, (P N, n) [N m]."""
     torque = records.torque[run].reshape(-1, records.torque.shape[-1])
     padded = np.concatenate([torque[:1], torque, torque[-1:]])
-    if records.commanded:  # held from a sample to the next
+    if held:
         mean = 0.5 * (padded[:-2] + padded[1:-1])
     else:
         mean = (padded[:-2] + 10 * padded[1:-1] + padded[2:]) / 12

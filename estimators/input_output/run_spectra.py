@@ -71,8 +71,8 @@ class RunSpectra(ReprHtml):
     coulomb : CoulombSpectra or None
         Friction of the motors, whose levels are estimated along; the first outputs are their
         angles. Inputs are torques less the friction of its levels.
-    silent : tuple of SilentLines
-        Of each position, if lines that were not excited tell the noise.
+    silent : tuple of SilentLines or None
+        Of each position, where lines that were not excited tell the noise; empty if nowhere.
     """
 
     positions: Array
@@ -88,7 +88,7 @@ class RunSpectra(ReprHtml):
     polynomials: bool = False
     commanded: bool = True
     coulomb: CoulombSpectra | None = None
-    silent: tuple[SilentLines, ...] = ()
+    silent: tuple[SilentLines | None, ...] = ()
 
     def __post_init__(self) -> None:
         inputs = complex_numbers(self.inputs, "inputs")
@@ -182,8 +182,10 @@ class RunSpectra(ReprHtml):
         }
         frictions = [x.coulomb for x in parts if x.coulomb is not None]
         coulomb = CoulombSpectra.join(frictions) if frictions else None
-        each = [part.silent for part in parts]
-        silent = sum(each, ()) if all(each) else ()
+        silent = tuple(
+            one for part in parts for one in part.silent or (None,) * len(part.positions)
+        )
+        silent = silent if any(silent) else ()
         return replace(first, noise=", ".join(kinds), coulomb=coulomb, silent=silent, **joined)
 
     def __str__(self) -> str:
@@ -200,14 +202,14 @@ STATES = ("auto", "yes", "no", "polynomial")
 _EACH = ("positions", "inputs", "outputs", "covariance", "degrees_of_freedom")
 """Arrays with a row for each position."""
 
-_ALIKE = ("lines", "inputs or outputs", "states, derivatives or friction")
+_ALIKE = ("lines", "inputs or outputs", "states, derivatives, friction or commands")
 
 
 def _alike(data: RunSpectra) -> tuple[ArrayLike, ...]:
     """Return what spectra that are joined have in common, see `_ALIKE`."""
     sizes = data.inputs.shape[3], data.outputs.shape[3]
-    friction = data.coulomb is not None
-    states = data.sample_time or 0.0, data.delay, friction, *data.derivatives
+    kinds = data.coulomb is not None, data.polynomials, data.commanded
+    states = data.sample_time or 0.0, data.delay, *kinds, *data.derivatives
     return data.omega, sizes, states
 
 
@@ -275,7 +277,9 @@ def run_spectra(
     read: Callable[..., Spectra] = partial(spectra, hold=hold, delay=delay)
     full = [read] * len(positions)
     if friction is not None:
-        shares = [friction_shares(part, friction, values, delay) for part, _ in positions]
+        shares = [
+            friction_shares(part, friction, values, delay, hold=hold) for part, _ in positions
+        ]
         full = [partial(_with_shares, read, share, delay) for share in shares]
     each = list(zip(positions, full, strict=True))
     measured = [_checked(part, who, read, whole, transient, weak) for (part, who), whole in each]

@@ -12,6 +12,7 @@ from functools import cached_property
 from pathlib import Path
 
 from estimators.fitting.fitted_robot import fitted_robot
+from estimators.input_output.friction_shares import check_motors
 from oed.campaign.checks import check_hope, check_low_level, check_unchanged
 from oed.campaign.estimate import Estimate, fitted_visits
 from oed.campaign.evaluation import Evaluation
@@ -24,7 +25,7 @@ from oed.experiment.controller_files import write_controller_files
 from oed.experiment.experiment_plan import ExperimentPlan
 from oed.study.stage_cache import open_stages
 from robotmodels import ElasticRobot, load_robot
-from robotmodels.common.errors import InvalidInput
+from robotmodels.common.errors import InvalidInput, naming
 from robotmodels.common.progress import StageProgress
 from robotmodels.description.friction import shaft_friction
 from robotmodels.library.robot_digest import robot_digest
@@ -57,6 +58,9 @@ class Campaign:
         settings = load_campaign(path)
         robot = load_robot(settings.robot)
         settings.accuracies(robot.parameters.names)  # refused before anything is run
+        if settings.friction:
+            with naming(f"{path}: friction: true"):
+                check_motors(robot)
         return cls(settings, robot)
 
     @property

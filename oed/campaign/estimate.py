@@ -156,7 +156,7 @@ def estimate(
     friction : bool
         Whether levels of Coulomb friction are estimated along.
     """
-    peaks, warnings = _looked_at(visits)
+    peaks, warnings = _looked_at(visits, robot if friction else None)
     records = [visit.records for visit in visits]
 
     def settled(start: Array) -> RunSpectra:
@@ -231,13 +231,15 @@ def noise_in(
     return noise_of_period(fit, np.array([float(visit.plan.periods)]))
 
 
-def _looked_at(visits: Sequence[Visit]) -> tuple[Array, tuple[str, ...]]:
+def _looked_at(
+    visits: Sequence[Visit], friction: ElasticRobot | None
+) -> tuple[Array, tuple[str, ...]]:
     """Return largest torques and speeds, (V, 2, n), and what is wrong with records."""
     peaks, words = [], []
     for visit in visits:
         with naming(visit.records_file), collected_warnings() as warnings:
             level, swing = recorded_peaks(visit.records, len(visit.plan.motors))
-            run_spectra(visit.records, "detection", weak=True)
+            run_spectra(visit.records, "detection", weak=True, friction=friction)
         peaks.append(np.abs(level) + swing)
         words += [f"visit {visit.number}: {w.removeprefix('position 1: ')}" for w in warnings]
     return np.array(peaks), tuple(words)

@@ -82,6 +82,8 @@ def identify(
     from robotmodels import load_robot, save_robot
     from robotmodels.common.errors import naming
 
+    if coulomb and friction:
+        raise InvalidInput("--coulomb, --friction: friction is a damper or a level; take one")
     runs = {path: read_records(path) for path in records}
     model = _counted(load_robot(robot), [*runs.values()]) if coulomb else load_robot(robot)
     with collected_warnings() as warnings:

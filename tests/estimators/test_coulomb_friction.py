@@ -189,7 +189,7 @@ def test_friction_is_refused_where_it_cannot_be_told() -> None:
         run_spectra(speeds, "detection", friction=rubbing())
     with pytest.raises(InvalidInput, match="friction: that of runs that do not end as they began"):
         run_spectra(records, "detection", friction=rubbing(), states="yes")
-    with pytest.raises(InvalidInput, match="friction: torque_gain, torque_delay and torque_lag"):
+    with pytest.raises(InvalidInput, match="friction: delay, gain and lag of torques"):
         run_spectra(records, "detection", friction=rubbing(torque_lag=1e-3))
     with pytest.raises(InvalidInput):
         run_spectra(records, "detection", friction=load_robot("ur10"))
