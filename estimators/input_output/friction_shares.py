@@ -86,7 +86,9 @@ def friction_shares(
         motion = _Motion.of(records, model, records.positions[q], values)
         for block, run in np.argwhere(~records.missing[q]):
             angle = records.angle[q, block, run][..., :n]
-            torque = _mean_torque(records, (q, block, run), delay, held=hold and records.commanded)
+            torque = _mean_torque(
+                records, (q, block, run), delay, steady=hold and records.commanded
+            )
             surplus = torque - motion.torque(angle).reshape(-1, n)
             signs = _signs(angle.reshape(-1, n), least)
             resting.append((signs == 0).mean(axis=0))
@@ -190,11 +192,13 @@ def _least_speeds(model: Elastic, motors: int) -> Array:
     return _FULL * np.array([motor.coulomb_width for motor in model.file.motors])
 
 
-def _mean_torque(records: Records, run: tuple[int, int, int], delay: float, *, held: bool) -> Array:
+def _mean_torque(
+    records: Records, run: tuple[int, int, int], delay: float, *, steady: bool
+) -> Array:
     """Return torques, means about the samples of angles, (P N, n) [N m]."""
     torque = records.torque[run].reshape(-1, records.torque.shape[-1])
     padded = np.concatenate([torque[:1], torque, torque[-1:]])
-    if held:
+    if steady:  # from a sample to the next
         mean = 0.5 * (padded[:-2] + padded[1:-1])
     else:
         mean = (padded[:-2] + 10 * padded[1:-1] + padded[2:]) / 12

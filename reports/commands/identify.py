@@ -82,10 +82,9 @@ def identify(
     from robotmodels import load_robot, save_robot
     from robotmodels.common.errors import naming
 
-    if coulomb and friction:
-        raise InvalidInput("--coulomb, --friction: friction is a damper or a level; take one")
     runs = {path: read_records(path) for path in records}
-    model = _counted(load_robot(robot), [*runs.values()]) if coulomb else load_robot(robot)
+    model = load_robot(robot)
+    model = _counted(model, [*runs.values()], friction) if coulomb else model
     with collected_warnings() as warnings:
         loops = _torque_loops(model, *next(iter(runs.items())))
         options: dict[str, Any] = {"noise": noise, "delay": delay, "hold": hold, "states": states}
@@ -137,11 +136,15 @@ def _joined(
         return parts[0] if len(parts) == 1 else RunSpectra.join(parts)
 
 
-def _counted(robot: "ElasticRobot", records: "list[RecordsOfRuns]") -> "ElasticRobot":
+def _counted(
+    robot: "ElasticRobot", records: "list[RecordsOfRuns]", friction: bool
+) -> "ElasticRobot":
     """Return the robot whose Coulomb friction counts as dampers, and say as what."""
     from robotmodels import at_recorded_speeds
     from robotmodels.description.friction import friction_sentences
 
+    if friction:
+        raise InvalidInput("--coulomb, --friction: friction is a damper or a level; take one")
     if len(records) > 1:
         raise InvalidInput(f"--coulomb: {len(records)} files of records; speeds of one are needed")
     counted = at_recorded_speeds(robot, records[0])
