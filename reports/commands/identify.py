@@ -79,12 +79,11 @@ def identify(
     one_thread_each()
     from estimators import check_rigid_runs, covariance, multistart, read_records
     from estimators.frf.frf_from_records import collected_warnings
-    from robotmodels import load_robot, save_robot
+    from robotmodels import save_robot
     from robotmodels.common.errors import naming
 
     runs = {path: read_records(path) for path in records}
-    model = load_robot(robot)
-    model = _counted(model, [*runs.values()], friction) if coulomb else model
+    model = _model(robot, [*runs.values()], coulomb, friction)
     with collected_warnings() as warnings:
         loops = _torque_loops(model, *next(iter(runs.items())))
         options: dict[str, Any] = {"noise": noise, "delay": delay, "hold": hold, "states": states}
@@ -136,18 +135,20 @@ def _joined(
         return parts[0] if len(parts) == 1 else RunSpectra.join(parts)
 
 
-def _counted(
-    robot: "ElasticRobot", records: "list[RecordsOfRuns]", friction: bool
+def _model(
+    name: str, records: "list[RecordsOfRuns]", coulomb: bool, friction: bool
 ) -> "ElasticRobot":
-    """Return the robot whose Coulomb friction counts as dampers, and say as what."""
-    from robotmodels import at_recorded_speeds
+    """Return the robot; with `coulomb` friction counts as dampers, and it is said as what."""
+    from robotmodels import at_recorded_speeds, load_robot
     from robotmodels.description.friction import friction_sentences
 
+    if not coulomb:
+        return load_robot(name)
     if friction:
         raise InvalidInput("--coulomb, --friction: friction is a damper or a level; take one")
     if len(records) > 1:
         raise InvalidInput(f"--coulomb: {len(records)} files of records; speeds of one are needed")
-    counted = at_recorded_speeds(robot, records[0])
+    counted = at_recorded_speeds(load_robot(name), records[0])
     warn(friction_sentences(counted.file))
     return counted
 
