@@ -17,6 +17,7 @@ class Kind(StrEnum):
     CHAIN_STUDY = "chain_study"
     IMPORT = "import"
     DEFLECTION_STUDY = "deflection_study"
+    VISIT_STUDY = "visit_study"
     CAMPAIGN = "campaign"
 
 

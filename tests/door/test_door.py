@@ -104,6 +104,8 @@ def test_what_cannot_be_seen(good, name):
     assert questions(good[0], name, good[1]) == []
 
 
-@pytest.mark.parametrize("robot", ["manutec_r3", "ur10", "moberg_axis1"])
+@pytest.mark.parametrize(
+    "robot", ["manutec_r3", pytest.param("ur10", marks=pytest.mark.slow), "moberg_axis1"]
+)
 def test_good_data_are_not_questioned(robot):
     assert questions(good_data(robot, 1), "") == []

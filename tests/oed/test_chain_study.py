@@ -88,6 +88,7 @@ def test_responses_under_the_controllers_are_those_that_were_measured(results):
 CASE_STUDY = Path(__file__).parents[2] / "studies" / "coupled_chains.yaml"
 
 
+@pytest.mark.slow  # others of this file are the smaller version
 def test_chains_with_resonances_of_one_line_are_trusted(tmp_path):
     """Of three true models at most one may be called wrong by chance; a mass 10 % off always is."""
     study = load_chain_study(CASE_STUDY)
