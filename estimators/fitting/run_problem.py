@@ -109,7 +109,7 @@ class RunProblem(FitProblem):
         _, runs, lines, m = self.data.outputs.shape
         factor = expected_square(self.data.degrees_of_freedom, self.rows)
         numbers = np.full(len(self.positions), float(m * lines * runs))
-        if self.data.has_states or self.data.coulomb is not None:
+        if self.data.estimates_along:
             part = self.errors(self.model.parameters.values).free
             numbers -= (0.0 if part is None else part.spent(runs)) / 2
         return float((factor * numbers).sum() - factor.mean() * len(self.names) / 2)
@@ -156,7 +156,7 @@ class RunProblem(FitProblem):
 
     def squares(self, response: ComplexArray, values: Array) -> Array:
         """Return the parts of the cost, (w, Q, F, m, E)."""
-        if self.data.has_states or self.data.coulomb is not None:
+        if self.data.estimates_along:
             each = zip(response, values, strict=True)
             white = np.stack([self.errors(theta, G).whitened for G, theta in each])
         else:
@@ -235,11 +235,10 @@ class RunProblem(FitProblem):
         return bread, products(fit.jacobian, enlarged)
 
     def compiles(self, network: SpringNetwork) -> bool:
-        """Tell whether runs are periodic, and only springs, dampers and inertias are free."""
+        """Tell whether only springs, dampers and inertias are free, nothing is eliminated."""
         from robotmodels.kernel import run_kernel_suits
 
-        along = self.data.has_states or self.data.coulomb is not None
-        return not along and run_kernel_suits(network)
+        return not self.data.estimates_along and run_kernel_suits(network)
 
     def kernel(self, network: SpringNetwork) -> "RunKernel":
         """Return the compiled cost about a network's equilibria."""

@@ -77,7 +77,8 @@ def _from_blocks(
     errors = turned - mean
     freedom = float((blocks - 1) * runs)
     covariance = np.einsum("bfie,bfje->fij", errors, np.conj(errors)) / (freedom * blocks)
-    return RunNoise(*_runs(mean[None], output.shape[2]), covariance, freedom)
+    m = output.shape[2]
+    return RunNoise(_by_run(mean[None, :, :m]), _by_run(mean[None, :, m:]), covariance, freedom)
 
 
 def _from_periods(
@@ -90,8 +91,7 @@ def _from_periods(
     draws = noise.shape[0] * noise.shape[1] * noise.shape[4]
     output, torque, _ = measured.averaged()
     freedom = float(measured.noise_bins * measured.present.sum())
-    runs = _runs(np.concatenate([output, torque], axis=2), output.shape[2])
-    return RunNoise(*runs, covariance / draws, freedom)
+    return RunNoise(_by_run(output), _by_run(torque), covariance / draws, freedom)
 
 
 def _from_detection(
@@ -110,13 +110,11 @@ def _from_detection(
     beside = read(records, lines=others, first=first)
     output, torque, _ = beside.averaged()
     nearest = np.argsort(np.abs(others - lines[:, None]), axis=1)[:, :NEAREST]
-    m = output.shape[2]
-    noise = _runs(np.concatenate([output, torque], axis=2), m)
+    noise = _by_run(output), _by_run(torque)
     silent = SilentLines(beside.omega, *noise, records.derivatives, nearest)
     output, torque, _ = measured.averaged()
-    runs = _runs(np.concatenate([output, torque], axis=2), m)
-    covariance = silent.covariance(measured.omega)
-    return RunNoise(*runs, covariance, silent.degrees_of_freedom, silent)
+    covariance, freedom = silent.covariance(measured.omega), silent.degrees_of_freedom
+    return RunNoise(_by_run(output), _by_run(torque), covariance, freedom, silent)
 
 
 def declared(
@@ -144,8 +142,7 @@ def declared(
     white = np.concatenate([readings, np.multiply.outer(hold_gain, torques), shares], 1)
     unit = np.eye(white.shape[1])
     covariance = np.asarray(white[:, :, None] ** 2 * unit / samples, dtype=complex)
-    runs = _runs(np.concatenate([output, torque], axis=2), m)
-    return RunNoise(*runs, covariance, np.inf)
+    return RunNoise(_by_run(output), _by_run(torque), covariance, np.inf)
 
 
 NoiseOf = Callable[[Spectra, Records, Callable[..., Spectra], str], RunNoise]
@@ -157,8 +154,7 @@ NOISES: dict[str, NoiseOf] = {
 }
 
 
-def _runs(stacked: ComplexArray, m: int) -> tuple[ComplexArray, ComplexArray]:
-    """Return outputs (E, F, m) and inputs (E, F, n) of spectra (B, F, m + n, E / B)."""
-    by_run = np.moveaxis(stacked, 3, 1)
-    by_run = by_run.reshape(-1, *by_run.shape[2:])
-    return by_run[..., :m], by_run[..., m:]
+def _by_run(signals: ComplexArray) -> ComplexArray:
+    """Return spectra (B, F, c, E / B) run by run, (E, F, c)."""
+    by_run = np.moveaxis(signals, 3, 1)
+    return by_run.reshape(-1, *by_run.shape[2:])

@@ -126,6 +126,11 @@ class RunSpectra(ReprHtml):
         """Whether runs do not end as they began."""
         return self.polynomials or self.sample_time is not None
 
+    @property
+    def estimates_along(self) -> bool:
+        """Whether states or levels of friction are eliminated from the errors of fits."""
+        return self.has_states or self.coulomb is not None
+
     def subset(self, positions: IntArray) -> "RunSpectra":
         """Return the spectra of some positions."""
         rows = chosen_positions(positions, len(self.positions))
@@ -273,20 +278,22 @@ def run_spectra(
     check_choice("states", states, STATES)
     if isinstance(noise, str):
         check_choice("noise", noise, ("auto", *NOISES))
-    positions = [(part, f"position {i + 1}") for i, part in enumerate(each_position(records))]
     read: Callable[..., Spectra] = partial(spectra, hold=hold, delay=delay)
-    full = [read] * len(positions)
-    if friction is not None:
-        shares = [
-            friction_shares(part, friction, values, delay, hold=hold) for part, _ in positions
-        ]
-        full = [partial(_with_shares, read, share, delay) for share in shares]
-    each = list(zip(positions, full, strict=True))
-    measured = [_checked(part, who, read, whole, transient, weak) for (part, who), whole in each]
+
+    def reader(part: Records) -> Callable[..., Spectra]:
+        if friction is None:
+            return read
+        shares = friction_shares(part, friction, values, delay, hold=hold)
+        return partial(_with_shares, read, shares, delay)
+
+    positions = [
+        (part, f"position {i + 1}", reader(part)) for i, part in enumerate(each_position(records))
+    ]
+    measured = [_checked(part, who, read, full, transient, weak) for part, who, full in positions]
     kind, estimated = _noise(noise, measured, hold)
     parts = [
-        estimated(one, part, whole, who)
-        for one, ((part, who), whole) in zip(measured, each, strict=True)
+        estimated(one, part, full, who)
+        for one, (part, who, full) in zip(measured, positions, strict=True)
     ]
     outputs, inputs, covariance, freedom = (
         np.stack([np.asarray(getattr(part, name)) for part in parts])

@@ -23,11 +23,11 @@ from oed.campaign.visit_plan import line_grid
 from oed.campaign.visits import Purpose, Visit, VisitFolder
 from oed.experiment.controller_files import write_controller_files
 from oed.experiment.experiment_plan import ExperimentPlan
+from oed.experiment.prepare import friction_of
 from oed.study.stage_cache import open_stages
 from robotmodels import ElasticRobot, load_robot
 from robotmodels.common.errors import InvalidInput, naming
 from robotmodels.common.progress import StageProgress
-from robotmodels.description.friction import shaft_friction
 from robotmodels.library.robot_digest import robot_digest
 
 
@@ -153,7 +153,7 @@ class Campaign:
             seconds = FEWEST * now.planner.shortest + plans[0].duration
             self._require(seconds / 60, now)
             return self._write(plans, "check", self.robot)
-        friction = self.settings.imperfections.friction * shaft_friction(self.robot.file)
+        friction = friction_of(self.settings, self.robot)
         check_low_level(now.checked, self.settings, friction)
         status = now.status
         if status.ended:

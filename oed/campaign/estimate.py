@@ -23,6 +23,7 @@ from robotmodels import ElasticRobot
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.errors import NotIdentifiable, naming
 from robotmodels.common.progress import Progress
+from robotmodels.records.records import Records
 
 _STARTS = 4
 _SAME_COST = 1e-3
@@ -156,8 +157,7 @@ def estimate(
     friction : bool
         Whether levels of Coulomb friction are estimated along.
     """
-    peaks, warnings = _looked_at(visits, robot if friction else None)
-    records = [visit.records for visit in visits]
+    records, peaks, warnings = _read(visits, robot if friction else None)
 
     def settled(start: Array) -> RunSpectra:
         return settled_runs(
@@ -231,18 +231,19 @@ def noise_in(
     return noise_of_period(fit, np.array([float(visit.plan.periods)]))
 
 
-def _looked_at(
+def _read(
     visits: Sequence[Visit], friction: ElasticRobot | None
-) -> tuple[Array, tuple[str, ...]]:
-    """Return largest torques and speeds, (V, 2, n), and what is wrong with records."""
-    peaks, words = [], []
+) -> tuple[list[Records], Array, tuple[str, ...]]:
+    """Return records, their largest torques and speeds, (V, 2, n), and what is wrong with them."""
+    records, peaks, words = list[Records](), [], []
     for visit in visits:
         with naming(visit.records_file), collected_warnings() as warnings:
-            level, swing = recorded_peaks(visit.records, len(visit.plan.motors))
-            run_spectra(visit.records, "detection", weak=True, friction=friction)
+            records.append(visit.records)
+            level, swing = recorded_peaks(records[-1], len(visit.plan.motors))
+            run_spectra(records[-1], "detection", weak=True, friction=friction)
         peaks.append(np.abs(level) + swing)
         words += [f"visit {visit.number}: {w.removeprefix('position 1: ')}" for w in warnings]
-    return np.array(peaks), tuple(words)
+    return records, np.array(peaks), tuple(words)
 
 
 def _visit_costs(fit: RunFit) -> Array:

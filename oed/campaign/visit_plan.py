@@ -21,6 +21,7 @@ from oed.experiment.multisine import Multisine
 from oed.experiment.prepare import (
     carrier_of,
     controller_of,
+    friction_of,
     gear_ratios,
     limits_of,
     move_limits,
@@ -30,7 +31,6 @@ from oed.experiment.prepare import (
 from robotmodels import ElasticRobot
 from robotmodels.common.arrays import Array, BoolArray, ComplexArray
 from robotmodels.common.errors import NoEquilibrium
-from robotmodels.description.friction import shaft_friction
 from robotmodels.elastic.rigid_pose import holding_torques
 from robotmodels.simulation.controller import Controller
 from robotmodels.simulation.loop_noise import LoopTransfer, closed_loop
@@ -76,8 +76,7 @@ def _liftable(settings: VisitSettings, robot: ElasticRobot, positions: Array) ->
     limiting = [limit for limit in (limits.torque, limits.rms_torque) if limit is not None]
     if not limiting:
         return np.ones(len(positions), dtype=bool)
-    friction = settings.imperfections.friction * shaft_friction(robot.file)
-    free = (1 - margin) * np.min(limiting, axis=0) - friction
+    free = (1 - margin) * np.min(limiting, axis=0) - friction_of(settings, robot)
     if not (free > 0).all():
         return np.zeros(len(positions), dtype=bool)
     return usable(robot, positions, torque_limits=free)
@@ -104,7 +103,7 @@ def fair_torques(
     here = [f"at {np.round(position, 3).tolist()}"]
     hold = holding_torques(robot, robot.equilibrium(position[None]).coordinates)
     point = np.stack([hold, np.zeros((1, n)), position[None]], axis=1)
-    friction = settings.imperfections.friction * shaft_friction(robot.file)
+    friction = friction_of(settings, robot)
     limits = replace(limits_of(settings, robot), positions=None)  # candidates lie inside
     free = room(limits.bounds(motors), point, friction, motors, here) * (1 - settings.limits.margin)
     grid, controller = line_grid(settings, n), controller_of(settings, robot)
@@ -239,9 +238,10 @@ def visit_plan(
     grid = line_grid(settings, len(robot.motor_names))
     controller = controller_of(settings, robot)
     loop = closed_loop(robot.network(position[None]), grid.omega, controller)
-    R = np.linalg.solve(loop.torque[0], torques[..., None])[..., 0]
     if runs > 1:
         R = _orthogonal(loop.torque[0], torques)
+    else:
+        R = np.asarray(np.linalg.solve(loop.torque[0], torques[..., None])[..., 0], dtype=complex)
     plan = ExperimentPlan(
         robot=robot.name,
         positions=position[None],

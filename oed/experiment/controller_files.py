@@ -13,7 +13,7 @@ from oed.experiment.limits import UNITS, Limits
 from oed.experiment.loop_settings import Format, LoopSettings
 from oed.experiment.plan_export import export_csv, export_mat, export_trajectory
 from oed.experiment.predicted_peaks import START
-from oed.experiment.prepare import controller_of, gear_ratios, limits_of
+from oed.experiment.prepare import controller_of, friction_of, gear_ratios, limits_of
 from oed.experiment.trajectory_bag import read_trajectories
 from oed.experiment.trajectory_check import Trajectory, TrajectoryCheck
 from robotmodels import ElasticRobot
@@ -21,7 +21,6 @@ from robotmodels.common.arrays import Array
 from robotmodels.common.atomic_files import write_text
 from robotmodels.common.errors import InvalidInput
 from robotmodels.data_files.file_guard import library_errors
-from robotmodels.description.friction import shaft_friction
 from robotmodels.elastic.rigid_pose import holding_torques
 from robotmodels.simulation.discrete_loop import sampled_loop
 
@@ -153,7 +152,7 @@ def _check_at(
         controller=controller,
         loop=sampled_loop(robot.network(here).linear_model().at(0), controller),
         hold=holding_torques(robot, robot.equilibrium(here).coordinates)[0],
-        friction=settings.imperfections.friction * shaft_friction(robot.file),
+        friction=friction_of(settings, robot),
     )
 
 

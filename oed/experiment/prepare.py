@@ -273,9 +273,14 @@ def within_limits(
         limits_of(settings, robot),
         balance=balance,
         margin=choice.margin,
-        friction=settings.imperfections.friction * shaft_friction(robot.file),
+        friction=friction_of(settings, robot),
         progress=None if progress is None else partial(progress, "amplitudes"),
     )
+
+
+def friction_of(settings: LoopSettings, robot: ElasticRobot) -> Array:
+    """Return the motors' Coulomb friction, (n,) [N m], as the settings have it."""
+    return settings.imperfections.friction * shaft_friction(robot.file)
 
 
 def limits_of(settings: LoopSettings, robot: ElasticRobot) -> Limits:
