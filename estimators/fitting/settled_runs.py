@@ -106,12 +106,10 @@ def runs_at(
     data = RunSpectra.join(
         [run_spectra(part, noise, friction=rubbing, values=values, **choice) for part in parts]
     )
-    levels = np.zeros(data.inputs.shape[::3])
     if data.coulomb is not None:
         part = run_problem(model, data).errors(values).free
         assert isinstance(part, CoulombPart)
-        levels = part.levels
-        data = data.at_coulomb(levels)
+        data = data.at_coulomb(part.levels)
     if not data.silent:
         return data
     at = frequency_response(model, data.positions, data.omega, values)
@@ -121,5 +119,5 @@ def runs_at(
             covariance.append(data.covariance[q])
             continue
         here = frequency_response(model, data.positions[q : q + 1], silent.omega, values)[0]
-        covariance.append(silent.covariance_beside(data.omega, at[q], here, levels[q]))
+        covariance.append(silent.covariance_beside(data.omega, at[q], here))
     return replace(data, covariance=np.stack(covariance))

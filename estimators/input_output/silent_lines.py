@@ -1,7 +1,8 @@
 """Lines that were not excited: what they show of the noise of those that were.
 
 Feedback and friction move torques and outputs there alike, by the robot's own FRF. So what does not
-fit the FRF at these lines is noise, and the FRF of excited lines nearby is another one.
+fit the FRF at these lines is noise: of sensors, which grows with the frequency, or of disturbances
+of torques, which the FRF passes on.
 """
 
 from dataclasses import dataclass
@@ -9,6 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotmodels.common.arrays import Array, ComplexArray, IntArray
+
+_STEPS = 300
+"""To the maximum of the likelihood; of six axes covariances change by 1e-7 beyond."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +50,11 @@ class SilentLines:
         outputs = self._growth(omega) * self.outputs[:, near]
         return self._products(np.concatenate([outputs, self.inputs[:, near]], axis=-1))
 
-    def covariance_beside(
-        self, omega: Array, at: ComplexArray, here: ComplexArray, levels: Array
-    ) -> ComplexArray:
+    def covariance_beside(self, omega: Array, at: ComplexArray, here: ComplexArray) -> ComplexArray:
         """Return the covariance of outputs and torques beside what FRFs explain.
+
+        Levels of friction are those of these lines: a robot that fits badly elsewhere has other
+        ones there. Errors are whitened by their law here and coloured by it at excited lines.
 
         Parameters
         ----------
@@ -59,23 +64,68 @@ class SilentLines:
             FRF at the excited lines.
         here : ndarray of complex, (D, m, n)
             FRF at the lines that were not.
-        levels : ndarray, (n,), N m
-            Of Coulomb friction.
 
         Returns
         -------
         ndarray of complex, (F, m + n, m + n)
             Covariance.
         """
-        n = len(levels)
-        torques = self.inputs[..., :n]
-        if self.inputs.shape[-1] > n:
-            torques = torques - levels * self.inputs[..., n:]
-        errors = self.outputs - np.einsum("dmn,kdn->kdm", here, torques)
+        m, n = here.shape[1:]
+        law = np.repeat([0.0, 1.0], [n, m])
+        for _ in range(2):
+            whiten = np.asarray(np.linalg.inv(self._root(law, self.omega, here)))
+            torques = self._torques(whiten, here)
+            errors = self.outputs - np.einsum("dmn,kdn->kdm", here, torques)
+            law = self._noise_law(here, errors)
+        white = np.linalg.solve(self._root(law, self.omega, here), errors[..., None])[..., 0]
         near = self.nearest
-        through = np.einsum("fmn,kfsn->kfsm", at, torques[:, near])
-        outputs = self._growth(omega) * errors[:, near] + through
+        outputs = np.einsum("fim,kfsm->kfsi", self._root(law, omega, at), white[:, near])
+        outputs += np.einsum("fmn,kfsn->kfsm", at, torques[:, near])
         return self._products(np.concatenate([outputs, torques[:, near]], axis=-1))
+
+    def _torques(self, whiten: ComplexArray, here: ComplexArray) -> ComplexArray:
+        """Return torques less friction of the levels that leave least errors, (K, D, n)."""
+        n = here.shape[2]
+        torques, shares = self.inputs[..., :n], self.inputs[..., n:]
+        if not shares.size:
+            return torques
+        moved = (whiten @ here) * shares[..., None, :]  # (K, D, m, n)
+        errors = self.outputs - np.einsum("dmn,kdn->kdm", here, torques)
+        moved = moved.reshape(-1, n)
+        white = -np.einsum("dim,kdm->kdi", whiten, errors).ravel()
+        levels = np.linalg.lstsq(
+            np.concatenate([moved.real, moved.imag]), np.concatenate([white.real, white.imag])
+        )[0]
+        return np.asarray(torques - levels * shares)
+
+    def _noise_law(self, here: ComplexArray, errors: ComplexArray) -> Array:
+        """Return variances of torque disturbances and of sensors, (n + m,), from errors (K, D, m).
+
+        Powers of errors are exponential: by maximum likelihood (Whittle), whose multiplicative
+        steps keep variances positive and never lower the likelihood.
+        """
+        m = here.shape[1]
+        sensors = self.omega[:, None, None] ** (2 * self.derivatives[:, None]) * np.eye(m)
+        shares = np.concatenate([np.abs(here) ** 2, sensors], axis=2)  # (D, m, n + m)
+        power = (np.abs(errors) ** 2).mean(axis=0)
+        law = np.einsum("di,dij->j", power, shares) / np.einsum("dij,dij->j", shares, shares)
+        least = 1e-4 * law
+        for _ in range(_STEPS):
+            expected = shares @ law
+            slope = np.einsum("dij,di->j", shares, power / expected**2)
+            law = np.maximum(
+                law * np.sqrt(slope / np.einsum("dij,di->j", shares, 1 / expected)), least
+            )
+        return np.asarray(law)
+
+    def _root(self, noise: Array, omega: Array, response: ComplexArray) -> ComplexArray:
+        """Return Cholesky factors of the covariance of outputs that a law gives, (F, m, m)."""
+        n = response.shape[2]
+        disturbed = (response * noise[:n]) @ np.conj(np.swapaxes(response, 1, 2))
+        sensors = omega[:, None] ** (2 * self.derivatives) * noise[n:]
+        return np.asarray(
+            np.linalg.cholesky(disturbed + sensors[..., None] * np.eye(len(self.derivatives)))
+        )
 
     def _growth(self, omega: Array) -> Array:
         """Return by how much more the noise of sensors is at excited lines, (F, k, m)."""

@@ -117,29 +117,39 @@ def test_levels_enter_covariances_linearly() -> None:
     assert again[0, 0] == pytest.approx(full[0, 0, : m + n, : m + n])
 
 
-def test_silent_lines_show_what_an_frf_leaves() -> None:
-    """Motion that friction or feedback cause there is no noise, though its FRF is another."""
+@pytest.mark.parametrize("disturbed", [False, True])
+@pytest.mark.parametrize("rub", [False, True])
+def test_silent_lines_show_what_an_frf_leaves(disturbed: bool, rub: bool) -> None:
+    """Motion by friction is no noise there; sensors and disturbances have laws of their own."""
     rng = np.random.default_rng(2)
     model, n = SMALL.model, SMALL.response.shape[3]
-    excited, silent = SMALL.omega[5:6], np.sort(SMALL.omega[5] * rng.uniform(0.9, 1.1, 6))
+    excited = SMALL.omega
+    silent = np.sort(rng.uniform(0.8 * excited[0], 1.2 * excited[-1], 60))
     at, here = (
         frequency_response(model, SMALL.positions[:1], omega)[0] for omega in (excited, silent)
     )
-    torques, shares = circular(rng, 40, 6, n), circular(rng, 40, 6, n)
-    levels = rng.uniform(0.1, 1, n)
-    errors = 1e-3 * circular(rng, 40, 6, at.shape[1])
-    outputs = np.einsum("dmn,kdn->kdm", here, torques - levels * shares) + errors
-    derivatives = np.full(at.shape[1], 2)
-    lines = SilentLines(
-        silent, outputs, np.concatenate([torques, shares], 2), derivatives, np.arange(6)[None]
-    )
-    covariances = lines.covariance_beside(excited, at, here, levels)[0]
-    X = np.concatenate([np.eye(at.shape[1]), -at[0]], axis=1)
-    grown = (excited / silent)[:, None] ** 2 * errors
-    right = np.einsum("kdi,kdj->ij", grown, np.conj(grown)) / 240
-    assert X @ covariances @ np.conj(X.T) == pytest.approx(right, rel=1e-6)
-    plain = lines.covariance(excited)[0][: len(X[0]), : len(X[0])]
-    assert np.trace(X @ plain @ np.conj(X.T)).real > 100 * np.trace(right).real
+    m = at.shape[1]
+    torques, shares = circular(rng, 40, 60, n), circular(rng, 40, 60, n)
+    levels = rng.uniform(0.1, 1, n) if rub else np.zeros(n)
+    push = 0.01 * circular(rng, 40, 60, n) if disturbed else np.zeros((40, 60, n))
+    errors = 1e-5 * silent[:, None] ** 2 * circular(rng, 40, 60, m)
+    moved = torques - levels * shares + push
+    outputs = np.einsum("dmn,kdn->kdm", here, moved) + errors
+    nearest = np.argsort(np.abs(silent - excited[:, None]), axis=1)[:, :6]
+    inputs = np.concatenate([torques, shares], 2) if rub else torques
+    lines = SilentLines(silent, outputs, inputs, np.full(m, 2), nearest)
+    X = np.concatenate([np.broadcast_to(np.eye(m), (len(excited), m, m)), -at], axis=2)
+    adjoint = np.conj(np.swapaxes(X, 1, 2))
+    covariance = X @ lines.covariance_beside(excited, at, here) @ adjoint
+    right = 1e-10 * excited[:, None, None] ** 4 * np.eye(m)
+    if disturbed:
+        right = right + 1e-4 * at @ np.conj(np.swapaxes(at, 1, 2))
+    ratio = np.linalg.solve(right, covariance)
+    assert np.linalg.eigvals(ratio).real == pytest.approx(np.ones((len(excited), m)), abs=0.4)
+    assert np.trace(ratio, axis1=1, axis2=2).mean().real == pytest.approx(m, rel=0.04)
+    ignored = lines.covariance(excited)[:, : m + n, : m + n]
+    plain = np.trace(np.linalg.solve(right, X @ ignored @ adjoint), axis1=1, axis2=2)
+    assert np.abs(np.log(plain.real / m)).max() > 1.5
 
 
 def test_intervals_with_friction_cover() -> None:
