@@ -8,8 +8,8 @@ frequency, whatever changes.
 # numba compiles what follows and infers its types:
 # mypy: allow-untyped-decorators, allow-untyped-defs, allow-untyped-calls
 
+from robotmodels.kernel.compiling import compiled, entry
 from robotmodels.kernel.gauss_newton import residual_rows
-from robotmodels.kernel.ldlt import SOURCES, compiled, entry
 from robotmodels.kernel.memory import integer, load, load_complex, scalar, store, store_scalar
 from robotmodels.kernel.simd import BYTES, fma, fma_conjugate, lane_sum, pack, splat
 from robotmodels.kernel.solve import motor_response, pack_position, solve
@@ -71,8 +71,8 @@ def add_products(work, columns, symmetric, sums, w):
             index += 2
 
 
-@compiled
-def _slopes(work, cells, options, columns, sums, start, stop, out):
+@entry
+def slopes(work, cells, options, columns, sums, start, stop, out):
     """Write dV/dK and dV/dM of positions `start` to `stop`, doubles (Q, 2, d, d) at `out`.
 
     `work` is of the full layout, all its rows needed; `columns` (2 n (d + n)) and `sums`
@@ -101,15 +101,3 @@ def _slopes(work, cells, options, columns, sums, start, stop, out):
                     store_scalar(out, ((2 * q + part) * d + a) * d + b, x)
                     store_scalar(out, ((2 * q + part) * d + b) * d + a, x)
                 index += 2
-
-
-def _cached(sources):
-    @entry
-    def run(*arguments):
-        if len(sources) > 0:
-            _slopes(*arguments)
-
-    return run
-
-
-slopes = _cached(SOURCES)

@@ -14,17 +14,9 @@ from typing import NamedTuple
 import numpy as np
 
 from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.kernel.compiling import compiled, entry, inlined
 from robotmodels.kernel.elimination_order import INERTANCE, MOTOR, MOTOR_INERTANCE
-from robotmodels.kernel.ldlt import (
-    SOURCES,
-    back_substitute,
-    compiled,
-    entry,
-    factor,
-    inlined,
-    solve_lane,
-    square,
-)
+from robotmodels.kernel.ldlt import back_substitute, factor, solve_lane, square
 from robotmodels.kernel.memory import (
     aligned,
     integer,
@@ -216,8 +208,8 @@ def cell_squares(work, cells, cell, stiffness, damping, residual, shape):
     return magnitudes(work, cells, cell)
 
 
-@compiled
-def _cell_costs(work, cells, stiffness, damping, walkers, options, start, stop, out):
+@entry
+def cell_costs(work, cells, stiffness, damping, walkers, options, start, stop, out):
     """Add the costs of cells `start` to `stop` to the (W,) doubles at `out`.
 
     `stiffness` and `damping` are the addresses of (W, Q, s); `options` are Q, the cells per
@@ -233,15 +225,3 @@ def _cell_costs(work, cells, stiffness, damping, walkers, options, start, stop, 
             solve_cell(work, cells, cell, coupled, k, c, work.size - work.n)
             squares = cell_squares(work, cells, cell, k, c, residual, shape)
             store_scalar(out, walker, scalar(out, walker) + lane_sum(squares))
-
-
-def _cached(sources):
-    @entry
-    def run(*arguments):
-        if len(sources) > 0:
-            _cell_costs(*arguments)
-
-    return run
-
-
-cell_costs = _cached(SOURCES)

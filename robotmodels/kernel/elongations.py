@@ -3,15 +3,15 @@
 # numba compiles what follows and infers its types:
 # mypy: allow-untyped-decorators, allow-untyped-defs, allow-untyped-calls
 
-from robotmodels.kernel.ldlt import SOURCES, compiled, entry
+from robotmodels.kernel.compiling import entry
 from robotmodels.kernel.memory import load, scalar, store_scalar
 from robotmodels.kernel.sensitivity_products import spring_elongations
 from robotmodels.kernel.simd import LANES
 from robotmodels.kernel.solve import pack_position, solve
 
 
-@compiled
-def _elongations(work, omega, frequencies, start, stop, out):
+@entry
+def elongations(work, omega, frequencies, start, stop, out):
     """Write v of positions `start` to `stop`, complex (Q, F, m, n), to the address `out`."""
     m, n = work.m, work.n
     for q in range(start, stop):
@@ -26,15 +26,3 @@ def _elongations(work, omega, frequencies, start, stop, out):
                     for e in range(2 * n):
                         x = scalar(work.elongation, (s * work.wide + e) * LANES + lane)
                         store_scalar(out, target + 2 * n * s + e, x)
-
-
-def _cached(sources):
-    @entry
-    def run(*arguments):
-        if len(sources) > 0:
-            _elongations(*arguments)
-
-    return run
-
-
-elongations = _cached(SOURCES)

@@ -8,8 +8,8 @@ phases: of springs s and t the products conj(v_si) v_ti v_s^H V^-1 v_t of every 
 # numba compiles what follows and infers its types:
 # mypy: allow-untyped-decorators, allow-untyped-defs, allow-untyped-calls
 
+from robotmodels.kernel.compiling import compiled, entry, inlined
 from robotmodels.kernel.fisher import accumulate_pairs, apply_weights
-from robotmodels.kernel.ldlt import SOURCES, compiled, entry, inlined
 from robotmodels.kernel.memory import integer, load, load_complex, scalar, store, store_scalar
 from robotmodels.kernel.output_cells import even
 from robotmodels.kernel.run_cells import factor_covariance, weigh_and_solve_up, whiten_down
@@ -147,8 +147,8 @@ def finish_information(work, q, sums, out):
     project(work, q, out)
 
 
-@compiled
-def _excitation_informations(
+@entry
+def excitation_informations(
     work, omega, inputs, outputs, order, buffers, counts, frequencies, start, stop, out
 ):
     """Write the (E, p, p) information of positions `start` to `stop` to the address `out`.
@@ -169,15 +169,3 @@ def _excitation_informations(
         for e in range(excitations):
             target = out + size * (q * excitations + integer(order, e))
             finish_information(work, q, sums + BYTES * length * e, target)
-
-
-def _cached(sources):
-    @entry
-    def run(*arguments):
-        if len(sources) > 0:
-            _excitation_informations(*arguments)
-
-    return run
-
-
-excitation_informations = _cached(SOURCES)

@@ -13,7 +13,8 @@ the way, but the six h have to stay in registers, so they are spelled out.
 
 import numpy as np
 
-from robotmodels.kernel.ldlt import SOURCES, compiled, entry, inlined, square
+from robotmodels.kernel.compiling import compiled, entry, inlined
+from robotmodels.kernel.ldlt import square
 from robotmodels.kernel.memory import load, load_complex, store, store_scalar
 from robotmodels.kernel.sensitivity_products import (
     accumulate,
@@ -57,8 +58,8 @@ def relative_weights(work, relative, floor, mask, squared):
             e += 2
 
 
-@compiled
-def _informations(work, omega, mask, frequencies, relative, floor, start, stop, out):
+@entry
+def informations(work, omega, mask, frequencies, relative, floor, start, stop, out):
     """Write the (p, p) information of positions `start` to `stop` to the address `out`."""
     size, six = work.p * work.p, work.n == MOTORS
     for q in range(start, stop):
@@ -81,16 +82,6 @@ def _informations(work, omega, mask, frequencies, relative, floor, start, stop, 
         project(work, q, out + 8 * q * size)
 
 
-def _cached(sources):
-    @entry
-    def run(*arguments):
-        if len(sources) > 0:
-            _informations(*arguments)
-
-    return run
-
-
-informations = _cached(SOURCES)
 MOTORS = 6
 
 

@@ -7,6 +7,7 @@ the others are the gradient, theirs among each other the Gauss-Newton matrix.
 # numba compiles what follows and infers its types:
 # mypy: allow-untyped-decorators, allow-untyped-defs, allow-untyped-calls
 
+from robotmodels.kernel.compiling import compiled, entry
 from robotmodels.kernel.cost_cells import (
     LLS,
     LLS_MAGNITUDE,
@@ -17,7 +18,7 @@ from robotmodels.kernel.cost_cells import (
     solve_cell,
 )
 from robotmodels.kernel.fisher import accumulate_pairs, apply_weights
-from robotmodels.kernel.ldlt import SOURCES, compiled, entry, inverse, square
+from robotmodels.kernel.ldlt import inverse, square
 from robotmodels.kernel.memory import integer, load, load_complex, scalar, store, store_scalar
 from robotmodels.kernel.output_cells import own_torques
 from robotmodels.kernel.run_cells import run_rows, run_weights
@@ -133,8 +134,8 @@ def accumulate_cell(work, cells, cell, matrix, residual, shape, w):
             accumulate_pairs(work, w, work.sums)
 
 
-@compiled
-def _cell_normals(work, cells, stiffness, damping, matrix, options, start, stop, out):
+@entry
+def cell_normals(work, cells, stiffness, damping, matrix, options, start, stop, out):
     """Add the cost, gradient and, if `matrix`, Gauss-Newton's of some cells to doubles at `out`.
 
     Arguments as of `cost_cells`, of one set of parameters; `out` holds 1 + p (+ p^2) doubles.
@@ -161,15 +162,3 @@ def _cell_normals(work, cells, stiffness, damping, matrix, options, start, stop,
             if matrix:
                 fill_block(work, k, c, real)
                 project(work, q, out + 8 * (1 + work.p))
-
-
-def _cached(sources):
-    @entry
-    def run(*arguments):
-        if len(sources) > 0:
-            _cell_normals(*arguments)
-
-    return run
-
-
-cell_normals = _cached(SOURCES)

@@ -7,46 +7,15 @@ stored by row; entry i, j is the complex vector at index i (i + 1) + 2 j.
 # numba compiles what follows and infers its types:
 # mypy: allow-untyped-decorators, allow-untyped-defs, allow-untyped-calls
 
-from hashlib import sha256
-from pathlib import Path
-from typing import Any
-
 import numpy as np
-from numba import njit
 
+from robotmodels.kernel.compiling import compiled, inlined
 from robotmodels.kernel.elimination_order import BLOCK
 from robotmodels.kernel.memory import load, load_complex, scalar, store, store_scalar
 from robotmodels.kernel.simd import BYTES, LANES, fma, maximum, minimum, pack, splat
 
 SMALL_PIVOT = 1e-4
 """A pivot smaller than this share of its row's largest entry: solve with pivoting."""
-
-# Only `entry` functions are called from Python; the wrappers of the others would be compiled too.
-_INNER: dict[str, Any] = {
-    "error_model": "numpy",
-    "no_cpython_wrapper": True,
-    "no_cfunc_wrapper": True,
-}
-inlined: Any = njit(**_INNER, forceinline=True)
-compiled: Any = njit(**_INNER)
-entry: Any = njit(error_model="numpy", cache=True, nogil=True)
-
-
-_PLAIN = "__init__", "cost_kernel", "prepare", "run_kernel", "terminals", "threads"
-"""Files of the kernel in which nothing is compiled."""
-
-
-def _sources() -> str:
-    folder = Path(__file__).parent
-    digest = sha256()
-    for file in sorted(set(folder.glob("*.py")) - {folder / f"{name}.py" for name in _PLAIN}):
-        digest.update(file.read_bytes())
-    return digest.hexdigest()
-
-
-SOURCES = _sources()
-"""numba looks for changes in the file of a cached function only; closing over this, an `entry`
-function is compiled again when any file of the kernel with compiled code has changed."""
 
 
 @inlined

@@ -11,7 +11,7 @@ So derivatives are those of motors' motions.
 
 from typing import NamedTuple
 
-from robotmodels.kernel.ldlt import compiled, inlined
+from robotmodels.kernel.compiling import compiled, inlined
 from robotmodels.kernel.memory import integer, load, load_complex, scalar, store
 from robotmodels.kernel.simd import fma, fma_conjugate, pack, splat
 from robotmodels.kernel.solve import motor_response

@@ -3,7 +3,8 @@
 # numba compiles what follows and infers its types:
 # mypy: allow-untyped-decorators, allow-untyped-defs, allow-untyped-calls
 
-from robotmodels.kernel.ldlt import SOURCES, compiled, entry, guard, inlined, inverse, square
+from robotmodels.kernel.compiling import compiled, entry, inlined
+from robotmodels.kernel.ldlt import guard, inverse, square
 from robotmodels.kernel.memory import load, load_complex, store
 from robotmodels.kernel.simd import BYTES, any_negative, fma, maximum, pack, root, splat
 from robotmodels.kernel.solve import assemble_arm, pack_position
@@ -53,8 +54,8 @@ def store_reduced(work, pad, matrix, off):
         store(off, i, root(load(off, i)))
 
 
-@compiled
-def _reductions(work, omega, blocks, pad, start, stop, matrix, off):
+@entry
+def reductions(work, omega, blocks, pad, start, stop, matrix, off):
     """Write matrix and largest entries of cells `start` to `stop`; return whether that went well.
 
     The free terms' coefficients in `work` are zero. It goes well unless a pivot comes out small.
@@ -71,16 +72,3 @@ def _reductions(work, omega, blocks, pad, start, stop, matrix, off):
         offset = BYTES * cell * size
         store_reduced(work, pad, matrix + offset * (size + 1), off + offset)
     return True
-
-
-def _cached(sources):
-    @entry
-    def run(*arguments):
-        if len(sources) > 0:
-            return _reductions(*arguments)
-        return False
-
-    return run
-
-
-reductions = _cached(SOURCES)

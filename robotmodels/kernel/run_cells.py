@@ -9,7 +9,8 @@ triangle, too.
 # numba compiles what follows and infers its types:
 # mypy: allow-untyped-decorators, allow-untyped-defs, allow-untyped-calls
 
-from robotmodels.kernel.ldlt import compiled, inlined, square
+from robotmodels.kernel.compiling import compiled, inlined
+from robotmodels.kernel.ldlt import square
 from robotmodels.kernel.memory import load, load_complex, store
 from robotmodels.kernel.output_cells import copy_sensors, even, lift, write_response, write_sensors
 from robotmodels.kernel.simd import BYTES, fma, fma_conjugate, pack, splat

@@ -10,8 +10,8 @@ a coordinate are spring and damper of its rate.
 # numba compiles what follows and infers its types:
 # mypy: allow-untyped-decorators, allow-untyped-defs, allow-untyped-calls
 
+from robotmodels.kernel.compiling import compiled, inlined
 from robotmodels.kernel.elimination_order import INERTANCE, MOTOR, MOTOR_INERTANCE
-from robotmodels.kernel.ldlt import compiled, inlined
 from robotmodels.kernel.memory import integer, load, load_complex, scalar, store, store_scalar
 from robotmodels.kernel.simd import BYTES, fma, lane_sum, pack, root, splat
 from robotmodels.kernel.solve import motor_response

@@ -8,17 +8,9 @@ frequency is solved again with pivoting. Only the rows of A^-1 that springs need
 # numba compiles what follows and infers its types:
 # mypy: allow-untyped-decorators, allow-untyped-defs, allow-untyped-calls
 
+from robotmodels.kernel.compiling import compiled, entry, inlined
 from robotmodels.kernel.elimination_order import INERTANCE
-from robotmodels.kernel.ldlt import (
-    SOURCES,
-    back_substitute,
-    compiled,
-    entry,
-    factor,
-    inlined,
-    inverse,
-    solve_lane,
-)
+from robotmodels.kernel.ldlt import back_substitute, factor, inverse, solve_lane
 from robotmodels.kernel.memory import integer, load, load_complex, scalar, store, store_scalar
 from robotmodels.kernel.simd import LANES, any_negative, fma, pack, splat
 
@@ -184,8 +176,8 @@ def motor_response(work, i, j):
     return x
 
 
-@compiled
-def _responses(work, omega, frequencies, start, stop, out):
+@entry
+def responses(work, omega, frequencies, start, stop, out):
     """Write G at positions `start` to `stop`, complex (Q, F, n, n) at `out`."""
     n = work.n
     for q in range(start, stop):
@@ -202,15 +194,3 @@ def _responses(work, omega, frequencies, start, stop, out):
                             x = scalar(work.panel, part * LANES + lane)
                             store_scalar(out, 2 * ((row + i) * n + j) + part, x)
                             store_scalar(out, 2 * ((row + j) * n + i) + part, x)
-
-
-def _cached(sources):
-    @entry
-    def run(*arguments):
-        if len(sources) > 0:
-            _responses(*arguments)
-
-    return run
-
-
-responses = _cached(SOURCES)

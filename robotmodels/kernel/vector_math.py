@@ -10,7 +10,7 @@ from llvmlite import ir
 from numpy.polynomial import Chebyshev, Polynomial
 
 from robotmodels.common.arrays import Array
-from robotmodels.kernel.ldlt import inlined
+from robotmodels.kernel.compiling import inlined
 from robotmodels.kernel.simd import (
     LANES,
     VECTOR,
