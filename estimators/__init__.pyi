@@ -88,6 +88,8 @@ from .sampling.profile_likelihood import (
     Profile as Profile,
     profile_likelihood as profile_likelihood,
 )
+from .structure.score_table import Score as Score, ScoreTable as ScoreTable
+from .structure.score_tests import score_tests as score_tests
 from .trust.intervals import VERDICTS as VERDICTS, Interval as Interval, Verdict as Verdict
 from .trust.trust import Trust as Trust
 from .uncertainty.covariance import Uncertainty as Uncertainty, covariance as covariance

@@ -10,6 +10,10 @@ from .common.errors import (
 )
 from .common.process_pool import ProcessPool as ProcessPool
 from .description.parameters import Parameters as Parameters
+from .elastic.possible_springs import (
+    possible_springs as possible_springs,
+    with_springs as with_springs,
+)
 from .elastic.robot import ElasticRobot as ElasticRobot
 from .exports.export import export as export
 from .exports.modes import modal_parameters as modal_parameters

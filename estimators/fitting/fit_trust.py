@@ -164,7 +164,7 @@ def model_directions(
     """
     response, jacobian = at
     names, units, columns = [], [], []
-    for name, unit, column in _columns(model, positions, omega, values, response):
+    for name, unit, column in model_columns(model, positions, omega, values, response):
         names.append(name)
         units.append(unit)
         columns.append(column)
@@ -186,7 +186,7 @@ def model_directions(
     )
 
 
-def _columns(
+def model_columns(
     model: Elastic,
     positions: Array,
     omega: Array,

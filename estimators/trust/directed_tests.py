@@ -176,6 +176,42 @@ def _columns_of() -> tuple[Field[Any], ...]:
     return fields(DirectedTests)[2:]
 
 
+@dataclass(frozen=True, eq=False)
+class OneStep:
+    """Coefficients of columns by one linear step, each column beside the parameters.
+
+    Attributes
+    ----------
+    seen : ndarray of bool, (all columns,)
+        Columns that the parameters do not imitate: the r of which all else is.
+    off : Lines, (Q, F, k, r)
+        Columns less what the parameters imitate of them.
+    rows : Lines, (r, Q, F, k)
+        Rows of their estimators.
+    estimates : ndarray, (r,)
+        Coefficients.
+    powers : ndarray, (r,)
+        Weighted squares of `off`: the cost falls by a coefficient's square times its power.
+    """
+
+    seen: NDArray[np.bool_]
+    off: Lines
+    rows: Lines
+    estimates: Array
+    powers: Array
+
+
+def one_step(fit: LinearisedFit, columns: Lines) -> OneStep:
+    """Return the coefficients of columns (Q, F, k, r), each as one more parameter."""
+    off = fit.off_parameters(columns)
+    weighted = fit.weighted(off)
+    size = (np.conj(off) * weighted).real.sum(axis=(0, 1, 2))
+    whole = (np.conj(columns) * fit.weighted(columns)).real.sum(axis=(0, 1, 2))
+    seen = (size > _VISIBLE**2 * whole) & (whole > 0)
+    rows = np.moveaxis(np.conj(weighted[..., seen]) / size[seen], -1, 0)
+    return OneStep(seen, off[..., seen], rows, fit.estimates(rows, fit.residuals), size[seen])
+
+
 def _tested(
     fit: LinearisedFit,
     columns: Lines,
@@ -184,18 +220,13 @@ def _tested(
     std: Array,
     expected: float | None,
 ) -> DirectedTests:
-    off = fit.off_parameters(columns)
-    weighted = fit.weighted(off)
-    size = (np.conj(off) * weighted).real.sum(axis=(0, 1, 2))
-    whole = (np.conj(columns) * fit.weighted(columns)).real.sum(axis=(0, 1, 2))
-    seen = (size > _VISIBLE**2 * whole) & (whole > 0)
+    step = one_step(fit, columns)
+    seen, rows, estimates = step.seen, step.rows, step.estimates
     if not seen.any():
         return _no_tests()
-    rows = np.moveaxis(np.conj(weighted[..., seen]) / size[seen], -1, 0)
-    estimates = fit.estimates(rows, fit.residuals)
     scatter = cautious_scatter(fit, rows, correlation)
     if expected is not None:
-        remaining = fit.squares_beside(off[..., seen], estimates)
+        remaining = fit.squares_beside(step.off, estimates)
         scatter = scatter.scaled(np.maximum(remaining / expected, 1.0))
     deviation = np.sqrt(scatter.variance)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -161,8 +161,9 @@ class LinearisedFit:
 
     def estimates(self, rows: Lines, errors: Lines) -> Array:
         """Return Re(A e), (..., r), of errors (..., Q, F, k)."""
-        flat = rows.reshape(len(rows), -1)
-        return np.asarray((errors.reshape(*errors.shape[:-3], -1) @ flat.T).real)
+        size = int(np.prod(rows.shape[1:]))
+        flat = rows.reshape(len(rows), size)
+        return np.asarray((errors.reshape(*errors.shape[:-3], size) @ flat.T).real)
 
     def line_variances(self, rows: Lines) -> Array:
         """Return what each line adds to the variances of Re(A e), (r, Q, F): A C A^H / 2."""

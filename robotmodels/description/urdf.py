@@ -4,6 +4,7 @@ import importlib.metadata
 import os
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +40,7 @@ def locate(urdf: str, beside: Path, key: str = "model file: ") -> Path:
             raise InvalidInput(f"{key}{path}: no such file")
         return path
     ending = "/robots/" + urdf.removeprefix(PACKAGE_PREFIX)
-    files = importlib.metadata.files("example-robot-data") or []
+    files = _packaged_files()
     urdfs = [str(f) for f in files if f.suffix == ".urdf"]
     match = next((f for f in files if str(f).endswith(ending)), None)
     if match is None:
@@ -49,6 +50,12 @@ def locate(urdf: str, beside: Path, key: str = "model file: ") -> Path:
             f"{nearest(urdf.removeprefix(PACKAGE_PREFIX), names)}"
         )
     return Path(str(match.locate()))
+
+
+@cache
+def _packaged_files() -> tuple[importlib.metadata.PackagePath, ...]:
+    """Return the files of example-robot-data: a list of a thousand, read for every robot else."""
+    return tuple(importlib.metadata.files("example-robot-data") or ())
 
 
 def rigid_model(source: ModelSource, lock: dict[str, float]) -> pin.Model:

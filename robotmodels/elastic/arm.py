@@ -21,7 +21,7 @@ from robotmodels.elastic.counterbalances import (
 )
 from robotmodels.elastic.segments import Segment, link_frame, segments
 
-_AXES = {"x": np.eye(3)[0], "y": np.eye(3)[1], "z": np.eye(3)[2]}
+AXES = {"x": np.eye(3)[0], "y": np.eye(3)[1], "z": np.eye(3)[2]}
 _REVOLUTE = {"x": pin.JointModelRX, "y": pin.JointModelRY, "z": pin.JointModelRZ}
 _PRISMATIC = {"x": pin.JointModelPX, "y": pin.JointModelPY, "z": pin.JointModelPZ}
 
@@ -182,7 +182,7 @@ class _Builder:
         drive_axis = self.motions[old - 1][:3] + self.motions[old - 1][3:]
         at = placement.actInv(self.rigid.jointPlacements[old])
         for spring in self.joint_springs[name]:
-            if abs(_AXES[spring.axis] @ drive_axis) > 1e-6:
+            if abs(AXES[spring.axis] @ drive_axis) > 1e-6:
                 raise InvalidInput(
                     f"spring {spring.name!r}: axis {spring.axis!r} is not orthogonal to the drive "
                     f"axis {(np.round(drive_axis, 3) + 0.0).tolist()} of joint {name!r}"
@@ -221,7 +221,7 @@ def _one_coordinate(motion: Array) -> pin.JointModel:
         if np.any(angular)
         else (linear, _PRISMATIC, pin.JointModelPrismaticUnaligned)
     )
-    for name, unit in _AXES.items():
+    for name, unit in AXES.items():
         if np.array_equal(axis, unit):
             return aligned[name]()
     return oblique(axis)

@@ -254,8 +254,11 @@ class ElasticRobot:
         NoEquilibrium, InvalidInput
             As `equilibrium`.
         """
+        return self.network_about(self.equilibrium(positions, parameters), parameters)
+
+    def network_about(self, at: Equilibrium, parameters: Array | None = None) -> SpringNetwork:
+        """Return the spring network about equilibria that are known already."""
         theta = self.parameters.check(parameters)
-        at = self.equilibrium(positions, theta)
         return self._network(at, theta, self._skeleton(theta, at.coordinates))
 
     def _network(self, at: Equilibrium, theta: Array, matrices: Skeleton) -> SpringNetwork:

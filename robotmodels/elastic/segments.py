@@ -59,7 +59,7 @@ def segments(file: RobotFile, rigid: pin.Model, joint: int) -> list[Segment]:
     InvalidInput
         If a cut cannot be made or leaves a part that no body can be.
     """
-    parts = [Segment(pin.SE3.Identity(), _link_inertias(rigid, joint))]
+    parts = [Segment(pin.SE3.Identity(), link_inertias(rigid, joint))]
     for springs in _cuts(file, rigid, joint):
         parts.append(_cut(rigid, parts, springs, fixed_to_ground=joint == 0))
     payload = file.payload
@@ -105,17 +105,21 @@ def check_bodies(file: RobotFile, rigid: pin.Model) -> None:
     """
     if file.payload is not None:
         link_frame(rigid, file.payload.link, "payload")
-        if file.payload.mass > 0 or any(file.payload.inertia):
-            check_moments(file.payload.mass, _matrix(file.payload), "payload")
+        _check_body(file.payload, "payload")
     for spring in file.springs:
         if spring.distal is not None:
-            who = f"spring {spring.name!r}: 'distal'"
-            check_moments(spring.distal.mass, _matrix(spring.distal), who)
+            _check_body(spring.distal, f"spring {spring.name!r}: 'distal'")
         if spring.link is not None:
             _check_cut_point(rigid, spring)
 
 
-def _link_inertias(rigid: pin.Model, joint: int) -> dict[int, Array]:
+def _check_body(body: Body, who: str) -> None:
+    """Refuse what no body can be; nothing at all is one, at the end of a link or of an arm."""
+    if body.mass > 0 or any(body.inertia):
+        check_moments(body.mass, _matrix(body), who)
+
+
+def link_inertias(rigid: pin.Model, joint: int) -> dict[int, Array]:
     """Return the inertial parameters of the links that `joint` moves, each without the others."""
     inertias: dict[int, Array] = {}
     remainder, first = rigid.inertias[joint].toDynamicParameters(), None
@@ -232,7 +236,7 @@ def _extent(rigid: pin.Model, link: int) -> tuple[Array, Array]:
             else:
                 placement = other.placement
             points.append(frame.placement.actInv(placement).translation)
-    link_inertia = frame.placement.actInv(_inertia(_link_inertias(rigid, frame.parentJoint)[link]))
+    link_inertia = frame.placement.actInv(_inertia(link_inertias(rigid, frame.parentJoint)[link]))
     if link_inertia.mass > 0:
         second = np.trace(link_inertia.inertia) / 2 - np.diag(link_inertia.inertia)
         half = np.sqrt(3 * np.maximum(second, 0.0) / link_inertia.mass)
