@@ -9,10 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from estimators.input_output.noise_law import NoiseLaw
 from robotmodels.common.arrays import Array, ComplexArray, IntArray
-
-_STEPS = 300
-"""To the maximum of the likelihood; of six axes covariances change by 1e-7 beyond."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,15 +69,16 @@ class SilentLines:
             Covariance.
         """
         m, n = here.shape[1:]
-        law = np.repeat([0.0, 1.0], [n, m])
+        law = NoiseLaw(np.zeros(n), np.ones(m), self.derivatives)
         for _ in range(2):
-            whiten = np.asarray(np.linalg.inv(self._root(law, self.omega, here)))
+            whiten = np.asarray(np.linalg.inv(law.root(self.omega, here)))
             torques = self._torques(whiten, here)
             errors = self.outputs - np.einsum("dmn,kdn->kdm", here, torques)
-            law = self._noise_law(here, errors)
-        white = np.linalg.solve(self._root(law, self.omega, here), errors[..., None])[..., 0]
+            power = (np.abs(errors) ** 2).mean(axis=0)
+            law = NoiseLaw.likeliest(power, self.omega, here, self.derivatives)
+        white = np.linalg.solve(law.root(self.omega, here), errors[..., None])[..., 0]
         near = self.nearest
-        outputs = np.einsum("fim,kfsm->kfsi", self._root(law, omega, at), white[:, near])
+        outputs = np.einsum("fim,kfsm->kfsi", law.root(omega, at), white[:, near])
         outputs += np.einsum("fmn,kfsn->kfsm", at, torques[:, near])
         return self._products(np.concatenate([outputs, torques[:, near]], axis=-1))
 
@@ -97,35 +96,6 @@ class SilentLines:
             np.concatenate([moved.real, moved.imag]), np.concatenate([white.real, white.imag])
         )[0]
         return np.asarray(torques - levels * shares)
-
-    def _noise_law(self, here: ComplexArray, errors: ComplexArray) -> Array:
-        """Return variances of torque disturbances and of sensors, (n + m,), from errors (K, D, m).
-
-        Powers of errors are exponential: by maximum likelihood (Whittle), whose multiplicative
-        steps keep variances positive and never lower the likelihood.
-        """
-        m = here.shape[1]
-        sensors = self.omega[:, None, None] ** (2 * self.derivatives[:, None]) * np.eye(m)
-        shares = np.concatenate([np.abs(here) ** 2, sensors], axis=2)  # (D, m, n + m)
-        power = (np.abs(errors) ** 2).mean(axis=0)
-        law = np.einsum("di,dij->j", power, shares) / np.einsum("dij,dij->j", shares, shares)
-        least = 1e-4 * law
-        for _ in range(_STEPS):
-            expected = shares @ law
-            slope = np.einsum("dij,di->j", shares, power / expected**2)
-            law = np.maximum(
-                law * np.sqrt(slope / np.einsum("dij,di->j", shares, 1 / expected)), least
-            )
-        return np.asarray(law)
-
-    def _root(self, noise: Array, omega: Array, response: ComplexArray) -> ComplexArray:
-        """Return Cholesky factors of the covariance of outputs that a law gives, (F, m, m)."""
-        n = response.shape[2]
-        disturbed = (response * noise[:n]) @ np.conj(np.swapaxes(response, 1, 2))
-        sensors = omega[:, None] ** (2 * self.derivatives) * noise[n:]
-        return np.asarray(
-            np.linalg.cholesky(disturbed + sensors[..., None] * np.eye(len(self.derivatives)))
-        )
 
     def _growth(self, omega: Array) -> Array:
         """Return by how much more the noise of sensors is at excited lines, (F, k, m)."""

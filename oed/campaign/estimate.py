@@ -13,6 +13,7 @@ from estimators.fitting.run_problem import run_problem
 from estimators.fitting.settled_runs import runs_at, settled_runs
 from estimators.fitting.trust_region import SearchResult
 from estimators.frf.frf_from_records import collected_warnings
+from estimators.input_output.noise_law import NoiseLaw
 from estimators.input_output.run_scatter import expected_square
 from estimators.input_output.run_spectra import RunSpectra, run_spectra
 from estimators.trust.trust import Trust
@@ -23,6 +24,7 @@ from robotmodels import ElasticRobot
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.errors import NotIdentifiable, naming
 from robotmodels.common.progress import Progress
+from robotmodels.linear.response import frequency_response
 from robotmodels.records.records import Records
 
 _STARTS = 4
@@ -121,14 +123,20 @@ def fitted_visits(visits: Sequence[Visit]) -> list[Visit]:
 def noise_of_period(fit: RunFit, periods: Array) -> ComplexArray:
     """Return the covariance of outputs and torques in one period, (F, m + n, m + n).
 
-    The mean over all positions of what a fit leaves of the outputs; torques count as exact.
+    What a fit leaves of the outputs, as disturbances of torques, which other positions pass on
+    otherwise, and noise of sensors; each line by as much as the law is off there on average.
     """
-    weights = periods / periods.sum()
-    errors = fit.problem.errors(fit.parameters.values).covariance
-    m, size = errors.shape[-1], fit.data.covariance.shape[-1]
-    noise = np.zeros((errors.shape[1], size, size), dtype=complex)
-    noise[:, :m, :m] = np.einsum("q,qfij->fij", weights * periods, errors)
-    return noise
+    values, data = fit.parameters.values, fit.data
+    errors = fit.problem.errors(values).covariance * periods[:, None, None, None]  # (Q, F, m, m)
+    response = frequency_response(fit.problem.model, data.positions, data.omega, values)
+    omega, (m, n) = np.tile(data.omega, len(errors)), response.shape[2:]
+    power = np.einsum("qfii->qfi", errors).real.reshape(-1, m)
+    law = NoiseLaw.likeliest(power, omega, response.reshape(-1, m, n), data.derivatives)
+    scale = np.einsum("qfij,qfji->qf", np.linalg.inv(law.covariance(data.omega, response)), errors)
+    scale = np.einsum("q,qf->f", periods / periods.sum(), scale.real) / m
+    sensors = data.omega[:, None] ** (2 * data.derivatives) * law.sensors
+    variances = np.concatenate([sensors, np.tile(law.disturbances, (len(scale), 1))], axis=1)
+    return np.asarray(np.eye(m + n) * (scale[:, None] * variances)[:, None, :], dtype=complex)
 
 
 def estimate(
