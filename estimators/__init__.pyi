@@ -110,6 +110,11 @@ from .uncertainty.residual_analysis import (
 from .validation.cross_check import CrossCheck as CrossCheck, cross_check as cross_check
 from .validation.held_out_positions import Validation as Validation, validate as validate
 from .validation.monte_carlo import MonteCarlo as MonteCarlo, monte_carlo as monte_carlo
+from .validation.predict import (
+    Prediction as Prediction,
+    predict as predict,
+    recommended_uncertainty as recommended_uncertainty,
+)
 from .validation.prediction import (
     FrfBand as FrfBand,
     ModeBand as ModeBand,
@@ -117,5 +122,13 @@ from .validation.prediction import (
     predict_frf as predict_frf,
     predict_modes as predict_modes,
     workspace_map as workspace_map,
+)
+from .validation.quantities import (
+    DampingRatios as DampingRatios,
+    Quantity as Quantity,
+    Resonances as Resonances,
+    ToolCompliance as ToolCompliance,
+    ToolResponse as ToolResponse,
+    log_gradients as log_gradients,
 )
 from .validation.simulated_experiment import FrfExperiment as FrfExperiment

@@ -15,6 +15,14 @@ from .elastic.possible_springs import (
     with_springs as with_springs,
 )
 from .elastic.robot import ElasticRobot as ElasticRobot
+from .elastic.tool_response import (
+    ComplianceEllipsoid as ComplianceEllipsoid,
+    Frame as Frame,
+    ToolModel as ToolModel,
+    compliance_ellipsoid as compliance_ellipsoid,
+    tool_frame as tool_frame,
+    tool_model as tool_model,
+)
 from .exports.export import export as export
 from .exports.modes import modal_parameters as modal_parameters
 from .exports.robot_files import (

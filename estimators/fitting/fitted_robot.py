@@ -11,9 +11,9 @@ from robotmodels.common.errors import InvalidInput
 from robotmodels.description.parameters import Parameters
 from robotmodels.description.robot_file import Fitted
 from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.elastic.tool_response import underlying_robot
 from robotmodels.exports.robot_files import with_values
 from robotmodels.library.robot_digest import robot_digest
-from robotmodels.linear.derived_models import WithParameters
 from robotmodels.linear.response import Elastic
 
 
@@ -44,13 +44,7 @@ def fitted_robot(
     InvalidInput
         If the model is no robot, or no body can have the fitted inertia.
     """
-    model = fitted_model
-    while isinstance(model, WithParameters):
-        model = model.model
-    if not isinstance(model, ElasticRobot):
-        raise InvalidInput(
-            f"robot: the fit is of a {type(fitted_model).__name__}; only that of a robot has one"
-        )
+    model = underlying_robot(fitted_model)
     std = {
         interval.name: float(trust.std[i])
         for i, interval in enumerate(trust.intervals)

@@ -1,7 +1,6 @@
 """How far to trust a fit: the sandwich covariance of [WM] Theorem 1, and its variants."""
 
 from dataclasses import dataclass
-from statistics import NormalDist
 
 import numpy as np
 
@@ -99,12 +98,6 @@ class Uncertainty(ReprHtml):
             f"  {name:<{width}}  {std:.4g}" for name, std in zip(self.names, self.std, strict=True)
         ]
         return "\n".join(lines)
-
-
-def log_normal_ends(values: Array, std: Array, level: float) -> tuple[Array, Array]:
-    """Return both ends of the intervals about medians `values` with std of their logarithms."""
-    spread = np.exp(NormalDist().inv_cdf((1 + level) / 2) * std)
-    return values / spread, values * spread
 
 
 def covariance(fit: FittedModel, method: str = "theorem1", lags: int | None = None) -> Uncertainty:

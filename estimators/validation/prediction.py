@@ -5,18 +5,19 @@ from functools import partial
 
 import numpy as np
 
-from estimators.uncertainty.covariance import Uncertainty, log_normal_ends
-from robotmodels.common.arrays import Array, ComplexArray, check_level, read_only
-from robotmodels.common.errors import InvalidInput
+from estimators.uncertainty.covariance import Uncertainty
+from estimators.validation.bands import (
+    Spread,
+    checked_spread,
+    delta_band,
+    draw_band,
+    propagate,
+    thinned,
+)
+from robotmodels.common.arrays import Array, ComplexArray, read_only
 from robotmodels.common.progress import Progress
 from robotmodels.linear.modes import anti_resonances, resonances
-from robotmodels.linear.response import Elastic, by_ln_theta, sensitivity
-
-# Draws that are evaluated at most: quantiles of a 95 % interval to about a tenth of its width.
-DRAWS = 400
-
-Spread = Uncertainty | Array
-"""A covariance of ln theta, for the delta method, or draws (N, p) of it."""
+from robotmodels.linear.response import Elastic, sensitivity
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,21 +107,13 @@ def predict_frf(
     IdentificationError
         If the model has no FRF in a position.
     """
-    spread = _checked(model, spread, level)
+    spread = checked_spread(model.parameters.names, spread, level)
     G, J = sensitivity(model, positions, omega, values)
     if isinstance(spread, Uncertainty):
-        slope = J / G[..., None]
-        magnitude, phase = (
-            np.sqrt(np.einsum("...p,pr,...r->...", part, spread.covariance, part))
-            for part in (slope.real, slope.imag)
-        )
-        lower, upper = log_normal_ends(np.abs(G), magnitude, level)
+        band = delta_band(G, J, spread, level)
     else:
-        responses = _responses(model, positions, omega, spread)
-        log_ratio = np.log(responses / G)
-        magnitude, phase = log_ratio.real.std(axis=0, ddof=1), log_ratio.imag.std(axis=0, ddof=1)
-        lower, upper = _quantiles(np.abs(responses), level)
-    return FrfBand(np.asarray(omega), G, magnitude, phase, lower, upper, level)
+        band = draw_band(G, _responses(model, positions, omega, spread), level)
+    return FrfBand(np.asarray(omega), G, band.std, band.phase_std, band.lower, band.upper, level)
 
 
 def predict_modes(
@@ -156,19 +149,10 @@ def predict_modes(
     IdentificationError
         If the model has no equilibrium in a position.
     """
-    spread = _checked(model, spread, level)
+    spread = checked_spread(model.parameters.names, spread, level)
     modes = partial(_modes, model, np.asarray(positions, dtype=float), motor)
-    theta = np.asarray(values, dtype=float)
-    fitted = modes(theta)
-    if isinstance(spread, Uncertainty):
-        slope = by_ln_theta(lambda x: np.log(modes(x)), theta)
-        std = np.sqrt(np.einsum("...p,pr,...r->...", slope, spread.covariance, slope))
-        lower, upper = log_normal_ends(fitted, std, level)
-    else:
-        draws = np.stack([modes(np.exp(x)) for x in _thinned(spread)])
-        std = np.log(draws).std(axis=0, ddof=1)
-        lower, upper = _quantiles(draws, level)
-    return ModeBand(fitted, std, lower, upper, level)
+    frequencies, band = propagate(modes, np.asarray(values, dtype=float), spread, level)
+    return ModeBand(frequencies, band.std, band.lower, band.upper, level)
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,24 +238,6 @@ def workspace_map(
     return WorkspaceMap(read_only(positions), *parts)
 
 
-def _checked(model: Elastic, spread: Spread, level: float) -> Spread:
-    check_level(level, "prediction")
-    names = model.parameters.names
-    if isinstance(spread, Uncertainty):
-        if spread.names != names:
-            raise InvalidInput(
-                f"prediction: an uncertainty of {', '.join(spread.names)} for the parameters "
-                f"{', '.join(names)}"
-            )
-        return spread
-    draws = np.asarray(spread, dtype=float)
-    if draws.ndim != 2 or draws.shape[1] != len(names) or len(draws) < 2:
-        raise InvalidInput(
-            f"prediction: draws of shape {draws.shape}; (N, {len(names)}), at least two, are needed"
-        )
-    return draws
-
-
 def _modes(model: Elastic, positions: Array, motor: int | None, theta: Array) -> Array:
     linear = model.network(positions, theta).linear_model()
     return resonances(linear).frequencies if motor is None else anti_resonances(linear, motor)
@@ -281,15 +247,5 @@ def _responses(model: Elastic, positions: Array, omega: Array, draws: Array) -> 
     from robotmodels import kernel
 
     positions = np.asarray(positions, dtype=float)
-    networks = (model.network(positions, np.exp(x)) for x in _thinned(draws))
+    networks = (model.network(positions, np.exp(x)) for x in thinned(draws))
     return np.stack([kernel.frequency_response(network, omega) for network in networks])
-
-
-def _thinned(draws: Array) -> Array:
-    """Return at most DRAWS of the draws, evenly spaced."""
-    return np.asarray(draws[:: -(-len(draws) // DRAWS)])
-
-
-def _quantiles(values: Array, level: float) -> tuple[Array, Array]:
-    low, high = np.quantile(values, [(1 - level) / 2, (1 + level) / 2], axis=0)
-    return low, high

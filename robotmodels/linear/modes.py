@@ -99,8 +99,8 @@ def rigid_modes(model: LinearModel, rigid: int | None = None) -> Modes:
     return Modes(modes.squares[..., :r], modes.shapes[..., :, :r])
 
 
-def clamped(model: LinearModel, motor: int) -> LinearModel:
-    """Return the model with the shaft of `motor` (0 to n - 1) fixed.
+def clamped(model: LinearModel, motor: int | None = None) -> LinearModel:
+    """Return the model with the shaft of `motor` (0 to n - 1) fixed, or all shafts, as by brakes.
 
     It has one coordinate and one motor fewer; its poles are the zeros of that motor's own FRF
     (Ram and Elhay 1996, used in [HBH]).
@@ -111,16 +111,16 @@ def clamped(model: LinearModel, motor: int) -> LinearModel:
         If there is no such motor.
     """
     n = model.selector.shape[1]
-    if not 0 <= motor < n:
+    if not 0 <= (motor or 0) < n:
         raise InvalidInput(f"motor {motor}: the model has motors 0 to {n - 1}")
-    # Coordinates in which the shaft stands still: an orthonormal basis of their hyperplane.
-    column = model.selector[:, [motor]]
-    basis = np.linalg.qr(column, mode="complete")[0][:, 1:]
+    motors = list(range(n)) if motor is None else [motor]
+    # Coordinates in which the shafts stand still: an orthonormal basis of their subspace.
+    basis = np.linalg.qr(model.selector[:, motors], mode="complete")[0][:, len(motors) :]
     return LinearModel(
         mass=basis.T @ model.mass @ basis,
         damping=basis.T @ model.damping @ basis,
         stiffness=basis.T @ model.stiffness @ basis,
-        selector=basis.T @ np.delete(model.selector, motor, axis=1),
+        selector=basis.T @ np.delete(model.selector, motors, axis=1),
     )
 
 

@@ -1,0 +1,128 @@
+"""Bands of compliances, responses and modes: Monte Carlo coverage, draws, closed forms."""
+
+import numpy as np
+import pytest
+import yaml
+from robots import HERE, PENDULUM, built, changed
+
+import estimators
+from estimators import DampingRatios, Resonances, ToolCompliance, ToolResponse, predict
+from robotmodels import Frame, InvalidInput, RelativeNoise, save_robot
+from robotmodels.elastic.robot import ElasticRobot
+
+ROBOT = built(yaml.safe_load((HERE / "two_joints.yaml").read_text()))
+OMEGA = 2 * np.pi * np.geomspace(3.0, 60.0, 25)
+MEASURED = np.array([[-1.2, 0.9], [-0.4, 1.4]])
+ELSEWHERE = np.array([[-0.8, 0.4], [-1.5, -1.0]])
+NOISE = RelativeNoise(relative=0.03, floor=0.02)
+TIP = Frame("tool0", (0.0, 0.05, 0.1))
+QUANTITIES = (
+    ToolCompliance(TIP, (0.0, 0.0, 1.0)),
+    ToolResponse(2 * np.pi * np.array([5.0, 14.0]), TIP),
+    Resonances(1),
+    Resonances(1, "free"),
+    DampingRatios(1),
+)
+
+
+def fitted(seed: int, robot: ElasticRobot = ROBOT) -> estimators.Fit:
+    data = estimators.simulate_frf(robot, MEASURED, OMEGA, NOISE, np.random.default_rng(seed))
+    return estimators.fit(robot, data, residual="nls", weights="optimal")
+
+
+def coverages(seeds: range) -> np.ndarray:
+    """Return how often bands of each quantity hold the truth and of their quarters."""
+    truths = [_first(q(ROBOT, ELSEWHERE, ROBOT.parameters.values)) for q in QUANTITIES]
+    hits = []
+    for seed in seeds:
+        fit = fitted(seed)
+        spread = estimators.covariance(fit)
+        bands = [predict(fit, q, ELSEWHERE, spread=spread) for q in QUANTITIES]
+        for share in (1.0, 0.25):
+            hits.append([_hits(b, t, share) for b, t in zip(bands, truths, strict=True)])
+    return np.array(hits).reshape(len(seeds), 2, -1).mean(axis=0)
+
+
+def _first(values: np.ndarray) -> np.ndarray:
+    """Return the size of the first value in each position, which is not zero."""
+    return np.abs(values).reshape(len(values), -1)[:, 0]
+
+
+def _hits(band: estimators.Prediction, truth: np.ndarray, share: float) -> float:
+    """Return how many of the first values are within a share of their bands, in logarithms."""
+    values = _first(band.values)
+    width = share * np.log(_first(band.upper) / values)
+    return float(np.mean(np.abs(np.log(truth / values)) <= width))
+
+
+def test_bands_hold_the_truth_as_often_as_they_say_few() -> None:
+    whole, part = coverages(range(8)).mean(axis=-1)
+    assert whole > 0.8
+    assert part < 0.65
+
+
+@pytest.mark.slow
+def test_bands_hold_the_truth_as_often_as_they_say() -> None:
+    whole, part = coverages(range(1000))
+    assert ((whole > 0.93) & (whole < 0.97)).all()
+    assert (part < 0.5).all()
+
+
+def test_bands_by_draws_are_those_of_the_delta_method() -> None:
+    fit = fitted(3)
+    known = estimators.covariance(fit)
+    rng = np.random.default_rng(1)
+    draws = rng.multivariate_normal(np.log(fit.parameters.values), known.covariance, 80)
+    for quantity in (ToolCompliance(TIP), ToolResponse(2 * np.pi * np.array([5.0]), TIP)):
+        delta, drawn = (predict(fit, quantity, ELSEWHERE, spread=s) for s in (known, draws))
+        seen = delta.std > 0.1 * delta.std.max()
+        assert np.abs(drawn.std[seen] / delta.std[seen] - 1).max() < 0.35  # some 8 % each
+        np.testing.assert_allclose(drawn.values, delta.values)
+
+
+def test_compliance_of_one_gear_is_as_certain_as_its_stiffness() -> None:
+    """Without gravity C = r^2 / k, so that ln C has the deviation of ln k, with t ends."""
+    robot = built(changed(PENDULUM, gravity=[0.0, 0.0, 0.0]))
+    names, p = robot.parameters.names, len(robot.parameters)
+    covariance = np.diag(np.arange(1.0, p + 1)) * 0.01**2
+    spread = estimators.Uncertainty(names, covariance, "declared", 5.0)
+    tip = ToolCompliance(Frame("rod", (0.8, 0.0, 0.0)), (0.0, 0.0, 1.0))
+    band = predict(robot, tip, np.array([[0.0]]), spread=spread)
+    np.testing.assert_allclose(band.values, 0.8**2 / 5e3)
+    np.testing.assert_allclose(band.std, 0.01, rtol=1e-6)
+    np.testing.assert_allclose(band.upper / band.values, np.exp(2.5705818 * 0.01), rtol=1e-7)
+    # sqrt(k) of a resonance, c / sqrt(k) of a damping ratio: half, and both independent ones.
+    modes = predict(robot, "resonances", np.array([[0.0]]), spread=spread)
+    np.testing.assert_allclose(modes.std, 0.005, rtol=1e-6)
+    damping = predict(robot, "damping_ratios", np.array([[0.0]]), spread=spread)
+    np.testing.assert_allclose(damping.values, 4.0 / (2 * np.sqrt(5e3 * 1.2)))
+    np.testing.assert_allclose(damping.std, 0.01 * np.sqrt(2 + 0.25), rtol=1e-5)
+
+
+def test_a_robot_file_of_a_fit_predicts_as_the_fit(tmp_path) -> None:
+    import robotmodels
+
+    fit = fitted(1)
+    path = tmp_path / "fitted.yaml"
+    save_robot(fit.robot(covariance=estimators.covariance(fit).covariance), path)
+    robot = robotmodels.load_robot(path)
+    for name in ("tool_compliance", "resonances"):
+        by_fit, by_file = (predict(source, name, ELSEWHERE) for source in (fit, robot))
+        np.testing.assert_allclose(by_file.values, by_fit.values)
+        np.testing.assert_allclose(by_file.std, by_fit.std, rtol=1e-6)
+    response = predict(robot, "tool_response", ELSEWHERE, OMEGA[:2])
+    assert response.values.shape == (2, 2, 6, 6)
+
+
+def test_mistakes_are_named() -> None:
+    spread = estimators.Uncertainty(
+        ROBOT.parameters.names, 1e-4 * np.eye(len(ROBOT.parameters)), "declared"
+    )
+    with pytest.raises(InvalidInput, match="did you mean 'tool_compliance'"):
+        predict(ROBOT, "tool_complience", ELSEWHERE, spread=spread)
+    with pytest.raises(InvalidInput, match="'tool_response': omega is needed"):
+        predict(ROBOT, "tool_response", ELSEWHERE, spread=spread)
+    with pytest.raises(InvalidInput, match="no standard deviation of a free parameter"):
+        predict(ROBOT, "resonances", ELSEWHERE)
+    with pytest.raises(InvalidInput, match="direction"):
+        predict(ROBOT, ToolCompliance(TIP, (0.0, 0.0, 0.0)), ELSEWHERE, spread=spread)
