@@ -68,13 +68,13 @@ class NoiseLaw:
         return cls(law[:n], law[n:], derivatives)
 
     def covariance(self, omega: Array, response: ComplexArray) -> ComplexArray:
-        """Return S at lines with FRFs (F, m, n), (F, m, m)."""
-        passed = (response * self.disturbances) @ np.conj(np.swapaxes(response, 1, 2))
+        """Return S at lines with FRFs (..., F, m, n), (..., F, m, m)."""
+        passed = (response * self.disturbances) @ np.conj(np.swapaxes(response, -1, -2))
         sensors = _growth(omega, self.derivatives) * self.sensors
         return np.asarray(passed + sensors[..., None] * np.eye(len(self.sensors)))
 
     def root(self, omega: Array, response: ComplexArray) -> ComplexArray:
-        """Return Cholesky factors of S, (F, m, m)."""
+        """Return Cholesky factors of S, (..., F, m, m)."""
         return np.asarray(np.linalg.cholesky(self.covariance(omega, response)))
 
 
