@@ -1,8 +1,8 @@
-"""The law of noise beside the input: disturbances of torques pass the FRF, noise of sensors does not.
+"""The law of noise: disturbances of torques pass the FRF, noise of sensors does not.
 
-A disturbance of torques with variance D_j a motor and white noise of the sensors with variance V_i make
-errors of outputs with covariance S(w) = G D G^H + diag(w^(2 d_i) V_i), if output i was differentiated
-d_i times.
+A disturbance of torques with variance D_j a motor and white noise of the sensors with variance V_i
+make errors of outputs with covariance S(w) = G D G^H + diag(w^(2 d_i) V_i), if output i was
+differentiated d_i times.
 """
 
 from dataclasses import dataclass

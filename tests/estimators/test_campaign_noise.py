@@ -13,7 +13,7 @@ from oed.campaign.estimate import noise_of_period
 
 @pytest.mark.parametrize("slope", [0.0, 0.2])
 def test_noise_is_parted_into_disturbances_and_sensors(slope: float) -> None:
-    """Errors of all positions by one law over other periods; if coloured, their size at each line."""
+    """Errors of all positions by one law over other periods; if coloured, their mean size."""
     rng = np.random.default_rng(3)
     q, f, m, n = SMALL.response.shape
     disturbances, sensors = rng.uniform(1, 4, n), rng.uniform(1, 4, m)
