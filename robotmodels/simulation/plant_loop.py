@@ -11,10 +11,11 @@ holds it, where smooth approximations creep.
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numpy.typing import NDArray
 
 from robotmodels.common.arrays import Array, IntArray
+from robotmodels.kernel.compiling import compiled, entry
 
 _signature = types.void(types.intp, types.intp)
 _mj_fwdPosition: Any = types.ExternalFunction("mj_fwdPosition", _signature)  # noqa: N816
@@ -23,6 +24,12 @@ _mj_fwdVelocity: Any = types.ExternalFunction("mj_fwdVelocity", _signature)  # n
 _mj_fwdAcceleration: Any = types.ExternalFunction("mj_fwdAcceleration", _signature)  # noqa: N816
 _mj_solveM: Any = types.ExternalFunction(  # noqa: N816
     "mj_solveM", types.void(types.intp, types.intp, types.intp, types.intp, types.int32)
+)
+_mju_cholFactor: Any = types.ExternalFunction(  # noqa: N816
+    "mju_cholFactor", types.int32(types.intp, types.int32, types.float64)
+)
+_mju_cholSolve: Any = types.ExternalFunction(  # noqa: N816
+    "mju_cholSolve", types.void(types.intp, types.intp, types.intp, types.int32)
 )
 
 # Carpenter and Kennedy (1994): five stages of fourth order in two registers, stable for real poles
@@ -117,7 +124,7 @@ class Sensing(NamedTuple):
     errors: Array
 
 
-@njit(nogil=True, cache=True)
+@entry
 def closed_loop_run(
     engine: MujocoState,
     drives: Drives,
@@ -183,12 +190,20 @@ def closed_loop_run(
                 acting[i, j] = u + disturbance[k, j]
                 engine.applied[drives.coordinate[j]] = drives.ratio[j] * acting[i, j]
             if motion.size:
-                motion[0, i], motion[1, i] = engine.qpos, engine.qvel
+                _copy(engine.qpos, motion[0, i])
+                _copy(engine.qvel, motion[1, i])
             _advance(engine, drives, impulses, acting[i], step, steps, work)
     return torque, angle, limited, delivered, acting, T
 
 
-@njit(nogil=True, cache=True)
+@compiled
+def _copy(source: Array, target: Array) -> None:
+    """Assign elements; numba's assignment of slices compiles messages of errors for seconds."""
+    for i in range(len(source)):
+        target[i] = source[i]
+
+
+@compiled
 def _motor_torque(
     torque: Array,
     time: float,
@@ -217,7 +232,7 @@ def _motor_torque(
     return float(gain * (late + (before - late) * lag * (1 - remaining)))
 
 
-@njit(nogil=True, cache=True)
+@compiled
 def _measured(
     angle: Array, speed: Array, k: int, j: int, sensing: Sensing, step: float, start: float
 ) -> float:
@@ -228,7 +243,7 @@ def _measured(
     return float(y)
 
 
-@njit(nogil=True, cache=True)
+@compiled
 def _delayed(
     angle: Array, speed: Array, k: int, j: int, delay: float, step: float, start: float
 ) -> float:
@@ -246,7 +261,7 @@ def _delayed(
     return float(a + x * (va + x * (bend + x * twist)))
 
 
-@njit(nogil=True, cache=True)
+@compiled
 def _advance(
     engine: MujocoState,
     drives: Drives,
@@ -267,9 +282,9 @@ def _advance(
     q, v, slope_q, slope_v = engine.qpos, engine.qvel, work[1], work[2]
     h = duration / substeps
     reactions = _freeze_geometry(engine, 0.5 * duration, work[0])
-    work[3] = engine.applied
+    _copy(engine.applied, work[3])
     for _ in range(substeps):
-        work[4] = v
+        _copy(v, work[4])
         for j, c in enumerate(drives.coordinate):
             engine.applied[c] += impulses[j] / h
         for stage in range(len(_A)):
@@ -277,8 +292,10 @@ def _advance(
             _mj_fwdVelocity(engine.model, engine.data)
             _brake(engine, drives, work[3])
             _mj_fwdAcceleration(engine.model, engine.data)
-            if len(reactions) > 0:
-                engine.acceleration[:] -= (engine.constraints @ engine.acceleration) @ reactions
+            if reactions.size > 0:
+                correction = reactions @ (engine.constraints @ engine.acceleration)
+                for i in range(len(q)):
+                    engine.acceleration[i] -= correction[i]
             for i in range(len(q)):
                 slope_q[i] = _A[stage] * slope_q[i] + h * v[i]
                 slope_v[i] = _A[stage] * slope_v[i] + h * engine.acceleration[i]
@@ -287,10 +304,10 @@ def _advance(
                 v[i] += _B[stage] * slope_v[i]
         apply_coulomb_friction(engine, drives, work[4], impulses, h)
         acting += impulses / (duration * drives.ratio)
-        engine.applied[:] = work[3]
+        _copy(work[3], engine.applied)
 
 
-@njit(nogil=True, cache=True)
+@compiled
 def _brake(engine: MujocoState, drives: Drives, driven: Array) -> None:
     """Take smooth Coulomb friction from the forces `driven` (d,)."""
     for i, c in enumerate(drives.brakes):
@@ -298,29 +315,34 @@ def _brake(engine: MujocoState, drives: Drives, driven: Array) -> None:
         engine.applied[c] = driven[c] - torque
 
 
-@njit(nogil=True, cache=True)
+@compiled
 def _freeze_geometry(engine: MujocoState, ahead: float, q0: Array) -> Array:
     """Compute what depends on the robot's shape, `ahead` of the state, which stays.
 
     Returns
     -------
-    ndarray, (f, d)
-        (J M^-1 J^T)^-1 J M^-1, Lagrange's multipliers of J a = 0: accelerations that keep joints
-        with those that they follow.
+    ndarray, (d, f)
+        M^-1 J^T (J M^-1 J^T)^-1, by Lagrange's multipliers of J a = 0: accelerations that keep
+        joints with those that they follow.
     """
     q, J = engine.qpos, engine.constraints
-    q0[:] = q
+    _copy(q, q0)
     q += ahead * engine.qvel
     _mj_fwdPosition(engine.model, engine.data)
-    q[:] = q0
+    _copy(q0, q)
     mobility = np.zeros_like(J)
     if len(J) == 0:
         return mobility
     _mj_solveM(engine.model, engine.data, mobility.ctypes.data, J.ctypes.data, len(J))
-    return np.ascontiguousarray(np.linalg.solve(J @ mobility.T, mobility))
+    reactions = mobility.T.copy()
+    coupling = J @ reactions
+    _mju_cholFactor(coupling.ctypes.data, len(J), 0.0)
+    for row in reactions:
+        _mju_cholSolve(row.ctypes.data, coupling.ctypes.data, row.ctypes.data, len(J))
+    return reactions
 
 
-@njit(nogil=True, cache=True)
+@compiled
 def apply_coulomb_friction(
     engine: MujocoState, drives: Drives, before: Array, impulses: Array, h: float
 ) -> None:
@@ -354,7 +376,7 @@ def apply_coulomb_friction(
             break
 
 
-@njit(nogil=True, cache=True)
+@compiled
 def _impulse_bounds(
     engine: MujocoState, drives: Drives, before: Array, j: int, h: float, acted: float
 ) -> tuple[float, float]:

@@ -16,7 +16,10 @@ from robotmodels.elastic.coordinate_map import CoordinateMap, coordinate_map
 from robotmodels.simulation.mujoco_model import PlantBuilder
 from robotmodels.simulation.urdf_tree import read_tree
 
-_CALLED = ("mj_solveM", "mj_fwdPosition", "mj_tendon", "mj_fwdVelocity", "mj_fwdAcceleration")
+_CALLED = (
+    "mj_solveM", "mj_fwdPosition", "mj_tendon", "mj_fwdVelocity", "mj_fwdAcceleration",
+    "mju_cholFactor", "mju_cholSolve",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

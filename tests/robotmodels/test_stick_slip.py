@@ -3,9 +3,16 @@
 import numpy as np
 import pytest
 
-from robotmodels.simulation.plant_loop import Drives, MujocoState, apply_coulomb_friction
+from robotmodels.kernel.compiling import entry
+from robotmodels.simulation import plant_loop
+from robotmodels.simulation.plant_loop import Drives, MujocoState
 
 _STEP = 1e-3
+
+
+@entry
+def apply_coulomb_friction(state, drives, before, impulses, step):
+    plant_loop.apply_coulomb_friction(state, drives, before, impulses, step)
 
 
 def _followed(
