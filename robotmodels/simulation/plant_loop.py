@@ -8,6 +8,9 @@ less than half the time of `mj_step` at the same step. And Coulomb friction stop
 holds it, where smooth approximations creep.
 """
 
+# numba's decorators come without types:
+# mypy: allow-untyped-decorators
+
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -173,7 +176,6 @@ def closed_loop_run(
             y = _measured(true_angle, true_speed, k, j, sensing, sample_time, start[j])
             pole = gains.filter_pole[j]
             speed[j] = pole * speed[j] + (1 - pole) * (y - last[j]) / sample_time
-            last[j] = y
             error = reference[k, j] + gains.position_gain[j] * (start[j] - y) - speed[j]
             rise = sample_time * gains.integral_rate[j] * error
             u = gains.speed_gain[j] * (error + integral[j] + rise) + gains.hold[j]
@@ -182,7 +184,7 @@ def closed_loop_run(
                 u = np.sign(u) * drives.limit[j]
             else:
                 integral[j] += rise
-            torque[k, j], angle[k, j] = u, y
+            torque[k, j], angle[k, j], last[j] = u, y, y
         for i in range(k * parts, (k + 1) * parts):
             for j in range(n):
                 u = _motor_torque(torque, i / parts, 1 / parts, j, drives, lagging, gains.hold[j])
@@ -293,9 +295,7 @@ def _advance(
             _brake(engine, drives, work[3])
             _mj_fwdAcceleration(engine.model, engine.data)
             if reactions.size > 0:
-                correction = reactions @ (engine.constraints @ engine.acceleration)
-                for i in range(len(q)):
-                    engine.acceleration[i] -= correction[i]
+                _constrain(engine, reactions)
             for i in range(len(q)):
                 slope_q[i] = _A[stage] * slope_q[i] + h * v[i]
                 slope_v[i] = _A[stage] * slope_v[i] + h * engine.acceleration[i]
@@ -305,6 +305,14 @@ def _advance(
         apply_coulomb_friction(engine, drives, work[4], impulses, h)
         acting += impulses / (duration * drives.ratio)
         _copy(work[3], engine.applied)
+
+
+@compiled
+def _constrain(engine: MujocoState, reactions: Array) -> None:
+    """Take from the accelerations what joints would move away from those that they follow."""
+    correction = reactions @ (engine.constraints @ engine.acceleration)
+    for i in range(len(correction)):
+        engine.acceleration[i] -= correction[i]
 
 
 @compiled
