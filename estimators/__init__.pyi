@@ -109,6 +109,12 @@ from .uncertainty.residual_analysis import (
 )
 from .validation.cross_check import CrossCheck as CrossCheck, cross_check as cross_check
 from .validation.held_out_positions import Validation as Validation, validate as validate
+from .validation.margin_bands import (
+    MarginBand as MarginBand,
+    Suggestion as Suggestion,
+    predict_margins as predict_margins,
+    suggestions as suggestions,
+)
 from .validation.monte_carlo import MonteCarlo as MonteCarlo, monte_carlo as monte_carlo
 from .validation.predict import (
     Prediction as Prediction,

@@ -82,6 +82,15 @@ from .simulation.controller import (
     default_controller as default_controller,
 )
 from .simulation.imperfections import Imperfections as Imperfections
+from .simulation.linear_feedback import (
+    LinearFeedback as LinearFeedback,
+    Notch as Notch,
+    linear_feedback as linear_feedback,
+)
 from .simulation.linear_simulation import simulate_linear as simulate_linear
+from .simulation.loop_margins import (
+    LoopMargins as LoopMargins,
+    loop_margins as loop_margins,
+)
 from .simulation.loop_noise import ClosedLoopNoise as ClosedLoopNoise
 from .simulation.simulate import simulate as simulate

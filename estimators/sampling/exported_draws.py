@@ -70,12 +70,19 @@ def export_draws(
     else:
         matrix = _checked(covariance, "covariance", (p, p))
         Uncertainty(fit.parameters.names, matrix, "given")  # refuses what is no covariance
-        drawn = rng.multivariate_normal(np.log(fit.parameters.values), matrix, count)
+        drawn = parameter_draws(fit.parameters.values, matrix, count, rng)
     path, width = Path(path), len(str(count))
     files = tuple(path.with_stem(f"{path.stem}-{i + 1:0{width}}") for i in range(count))
     for file, ln_theta in zip(files, drawn, strict=True):
         export(with_values(robot, np.exp(ln_theta)), file, format, position)
     return files
+
+
+def parameter_draws(
+    values: Array, covariance: Array, count: int, rng: np.random.Generator
+) -> Array:
+    """Return draws of ln theta, (count, p), about values (p,) [SI]."""
+    return np.asarray(rng.multivariate_normal(np.log(values), covariance, count))
 
 
 def _checked(values: Array, name: str, shape: tuple[int, int]) -> Array:

@@ -245,6 +245,7 @@ _KINDS = {
     "study": ("a study", "oed run"),
     "experiment": ("an experiment", "oed simulate"),
     "import": ("a mapping of a log", "oed import"),
+    "controller": ("a controller", "oed margins"),
 }
 
 

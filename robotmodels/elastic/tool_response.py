@@ -136,7 +136,8 @@ class ToolModel:
             loose = self._loose
             A, output, force = A[..., loose, :][..., loose], output[..., loose], force[:, loose]
         elif callable(motors):
-            A = A + self.model.forces(w) @ motors(w) @ self.model.selector.T
+            late = np.exp(-1j * w * self.model.measured.delay)[:, None, None]
+            A = A + self.model.forces(w) @ (late * motors(w)) @ self.model.selector.T
         motions = (1j * w[:, None, None]) ** list(MOTIONS).index(motion)
         columns = np.broadcast_to(force[:, None], (*A.shape[:-1], 6))
         rows = output[:, None] if at == "frame" else output

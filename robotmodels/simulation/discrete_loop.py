@@ -106,7 +106,7 @@ def sampled_loop(model: LinearModel, controller: Controller) -> SampledLoop:
     if len(controller.speed_gain) != n:
         raise InvalidInput(f"controller: {len(controller.speed_gain)} motors, the model has {n}")
     late = round((model.measured.delay + model.measured.torque.delay.max(initial=0.0)) / T)
-    transition = _zero_order_hold(model, T)
+    transition = zero_order_hold(model, T)
     # The state: coordinates, their speeds, torques that lag behind their commands, then w, i and
     # the last angle of the controller, then angles on their way to it. Every row below is in terms
     # of it, the references and the noise.
@@ -131,14 +131,22 @@ def sampled_loop(model: LinearModel, controller: Controller) -> SampledLoop:
     return SampledLoop(step[:, :size], step[:, size:], output[:, :size], output[:, size:])
 
 
-def _zero_order_hold(model: LinearModel, time: float) -> Array:
+def zero_order_hold(model: LinearModel, time: float) -> Array:
     """Return coordinates, speeds and lagging torques after a time, from them and held commands."""
     from scipy.linalg import expm
 
+    system = first_order_system(model)
+    plant = len(system)
+    held = np.vstack([system, np.zeros((model.inputs, system.shape[1]))])
+    return np.asarray(expm(held * time)[:plant])
+
+
+def first_order_system(model: LinearModel) -> Array:
+    """Return derivatives of coordinates, speeds and lagging torques, by them and by commands."""
     d, torque = len(model.selector), model.measured.torque
     behind = np.flatnonzero(torque.lag > 0)
     plant = 2 * d + len(behind)
-    system = np.zeros((plant + model.inputs,) * 2)
+    system = np.zeros((plant, plant + model.inputs))
     system[:d, d : 2 * d] = np.eye(d)
     forces = model.selector * torque.gain
     direct = np.where(torque.lag > 0, 0.0, forces)
@@ -146,4 +154,4 @@ def _zero_order_hold(model: LinearModel, time: float) -> Array:
     system[d : 2 * d] = np.linalg.solve(model.mass, everything)
     for row, motor in enumerate(behind, start=2 * d):
         system[row, row], system[row, plant + motor] = -1 / torque.lag[motor], 1 / torque.lag[motor]
-    return np.asarray(expm(system * time)[:plant])
+    return system
