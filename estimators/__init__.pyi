@@ -88,6 +88,15 @@ from .sampling.profile_likelihood import (
     Profile as Profile,
     profile_likelihood as profile_likelihood,
 )
+from .structure.choose_structure import (
+    StructureChoice as StructureChoice,
+    StructureStep as StructureStep,
+    choose_structure as choose_structure,
+)
+from .structure.power import (
+    StructurePower as StructurePower,
+    structure_power as structure_power,
+)
 from .structure.score_table import Score as Score, ScoreTable as ScoreTable
 from .structure.score_tests import score_tests as score_tests
 from .trust.intervals import VERDICTS as VERDICTS, Interval as Interval, Verdict as Verdict

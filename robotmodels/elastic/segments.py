@@ -137,7 +137,7 @@ def link_inertias(rigid: pin.Model, joint: int) -> dict[int, Array]:
 
 
 def _cuts(file: RobotFile, rigid: pin.Model, joint: int) -> list[list[Spring]]:
-    """Return the cuts through links that `joint` moves: outwards, those of a link in file order."""
+    """Return the cuts through links that `joint` moves, outwards."""
     cuts: dict[tuple[str, object], list[Spring]] = {}
     for spring in file.springs:
         if spring.link is None:
@@ -145,7 +145,12 @@ def _cuts(file: RobotFile, rigid: pin.Model, joint: int) -> list[list[Spring]]:
         frame = rigid.frames[link_frame(rigid, spring.link, f"spring {spring.name!r}")]
         if frame.parentJoint == joint:
             cuts.setdefault((spring.link, spring.at), []).append(spring)
-    return sorted(cuts.values(), key=lambda springs: _depth(rigid, str(springs[0].link)))
+
+    def order(springs: list[Spring]) -> tuple[int, float]:
+        beyond = max((s.distal.mass for s in springs if s.distal is not None), default=0.0)
+        return _depth(rigid, str(springs[0].link)), -beyond
+
+    return sorted(cuts.values(), key=order)
 
 
 def _cut(
