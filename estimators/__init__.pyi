@@ -44,7 +44,11 @@ from .fitting.priors import Prior as Prior
 from .fitting.residuals import lls as lls, lls_magnitude as lls_magnitude, nls as nls
 from .fitting.run_fit import RunFit as RunFit
 from .fitting.sandwich import information as information
-from .fitting.settled_runs import runs_at as runs_at, settled_runs as settled_runs
+from .fitting.settled_runs import (
+    runs_at as runs_at,
+    settled_fit as settled_fit,
+    settled_runs as settled_runs,
+)
 from .fitting.start_values import StartValues as StartValues, physics_start as physics_start
 from .fitting.weights import (
     combined_weights as combined_weights,

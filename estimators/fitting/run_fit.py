@@ -1,12 +1,46 @@
 """Fits to runs: any number of runs in a position, noise of inputs and outputs alike."""
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from estimators.fitting.fitted_model import FittedModel, lines_in_words
 from estimators.fitting.run_problem import SML, RunProblem
 from estimators.input_output.coulomb import CoulombPart
+from estimators.input_output.run_scatter import variance_factor
 from estimators.input_output.run_spectra import RunSpectra
+from estimators.trust.trust import Trust
 from robotmodels.common.arrays import Array
+
+if TYPE_CHECKING:
+    from robotmodels.elastic.robot import ElasticRobot
+
+
+@dataclass(frozen=True)
+class FrictionLevel:
+    """Estimated level of a motor's Coulomb friction [N m].
+
+    Attributes
+    ----------
+    motor : str
+        Its name.
+    level : float
+        Mean over positions.
+    std : float
+        Standard deviation of the mean.
+    lowest, highest : float
+        Of the positions.
+    in_file : float or None
+        What the robot file says; None of other models.
+    """
+
+    motor: str
+    level: float
+    std: float
+    lowest: float
+    highest: float
+    in_file: float | None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -51,9 +85,58 @@ class RunFit(FittedModel):
         """Levels of the motors' Coulomb friction in each position, (Q, n) [N m], if fitted."""
         if self.data.coulomb is None:
             return None
-        part = self.problem.errors(self.parameters.values).free
+        part = self.problem.errors(self.parameters.values).eliminated
         assert isinstance(part, CoulombPart)
         return self.data.coulomb.levels + part.levels
+
+    def friction_levels(self, covariance: Array) -> tuple[FrictionLevel, ...]:
+        """Return the level of each motor's Coulomb friction; none where it is not fitted.
+
+        Standard deviations come from the noise, the errors of the parameters included, or from the
+        scatter over positions where that is larger.
+
+        Parameters
+        ----------
+        covariance : ndarray, (p, p)
+            Covariance of ln theta.
+        """
+        levels = self.coulomb
+        if levels is None:
+            return ()
+        file = getattr(self.model, "file", None)
+        names = [f"motor {i + 1}" for i in range(levels.shape[1])]
+        stated: list[float | None] = [None] * len(names)
+        if file is not None:
+            names, stated = zip(*((one.name, one.coulomb) for one in file.motors), strict=True)
+        std = np.sqrt(np.diag(self._covariance_of_mean_levels(covariance)))
+        if len(levels) > 1:
+            std = np.maximum(std, levels.std(axis=0, ddof=1) / np.sqrt(len(levels)))
+        numbers = levels.mean(axis=0), std, levels.min(axis=0), levels.max(axis=0)
+        columns = zip(names, *(column.tolist() for column in numbers), stated, strict=True)
+        return tuple(FrictionLevel(*column) for column in columns)
+
+    def _covariance_of_mean_levels(self, covariance: Array) -> Array:
+        """Return the covariance of levels, means over positions, by the noise (n, n)."""
+        problem, values = self.problem, self.parameters.values
+        response, jacobian = problem.derived(values)
+        errors = problem.errors(values, response)
+        part = errors.eliminated
+        assert isinstance(part, CoulombPart)
+        changes = problem.likelihood.whitened_changes(errors, jacobian)
+        slopes = part.levels_of(changes).mean(axis=0)
+        factor = variance_factor(self.data.degrees_of_freedom, problem.rows)[:, None, None]
+        alone = (factor * part.covariance).sum(axis=0) / len(factor) ** 2
+        return np.asarray(alone + slopes @ covariance @ slopes.T)
+
+    def robot(self, trust: Trust | None = None, covariance: Array | None = None) -> "ElasticRobot":
+        """Return the robot with the fitted values, and the mean levels of friction if fitted.
+
+        Arguments and errors as of `FittedModel.robot`.
+        """
+        from robotmodels.exports.robot_files import with_friction
+
+        robot, levels = super().robot(trust, covariance), self.coulomb
+        return robot if levels is None else with_friction(robot, levels.mean(axis=0))
 
     @property
     def expected_cost(self) -> float:

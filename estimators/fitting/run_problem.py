@@ -104,15 +104,20 @@ class RunProblem(FitProblem):
         """What noise makes of the cost at its minimum on average, without a prior.
 
         nu/(nu - m) (m F E - p/2) with covariances of nu degrees of freedom, summed over positions;
-        row by row with m = 1.
+        row by row with m = 1. Less what is eliminated.
         """
-        _, runs, lines, m = self.data.outputs.shape
         factor = expected_square(self.data.degrees_of_freedom, self.rows)
+        return float(self.expected_squares.sum() - factor.mean() * len(self.names) / 2)
+
+    @property
+    def expected_squares(self) -> Array:
+        """What noise makes of the squared errors of each position at the true parameters, (Q,)."""
+        _, runs, lines, m = self.data.outputs.shape
         numbers = np.full(len(self.positions), float(m * lines * runs))
         if self.data.estimates_along:
-            part = self.errors(self.model.parameters.values).free
-            numbers -= (0.0 if part is None else part.spent(runs)) / 2
-        return float((factor * numbers).sum() - factor.mean() * len(self.names) / 2)
+            part = self.errors(self.model.parameters.values).eliminated
+            numbers -= (0.0 if part is None else part.degrees_of_freedom(runs)) / 2
+        return np.asarray(expected_square(self.data.degrees_of_freedom, self.rows) * numbers)
 
     def likelihood_scale(self, values: Array) -> float:
         """Return the factor of V that makes exp(-V) as wide as the covariance, on average.
@@ -128,7 +133,7 @@ class RunProblem(FitProblem):
         """The cost of an FRF."""
         return RunLikelihood(self.data, self.row_wise)
 
-    def free(self, values: Array) -> FreeResponse | LocalPolynomials | None:
+    def free_response(self, values: Array) -> FreeResponse | LocalPolynomials | None:
         """Return the free responses of the states, if runs do not end as they began."""
         data = self.data
         if data.polynomials:
@@ -145,7 +150,7 @@ class RunProblem(FitProblem):
         """Return the errors at `values` (p,), where the model's FRF is `response` if known."""
         if response is None:
             response = frequency_response(self.model, self.positions, self.omega, values)
-        return self.likelihood.errors(response, self.free(values))
+        return self.likelihood.errors(response, self.free_response(values))
 
     def residuals(self, values: Array) -> tuple[Lines, Lines]:
         """Return whitened errors (Q, F, m, E) and their derivatives, see `FitProblem`."""
@@ -199,7 +204,7 @@ class RunProblem(FitProblem):
         """
         G, J = self.derived(values)
         errors = self.errors(values, G)
-        inputs = self.likelihood.inputs(errors.free)
+        inputs = self.likelihood.inputs(errors.eliminated)
         if self.row_wise:
             inputs = np.broadcast_to(inputs[:, :, None], errors.inputs.shape)
         measured = replace(errors, inputs=inputs, gain=np.zeros_like(errors.gain))
@@ -254,19 +259,20 @@ class RunProblem(FitProblem):
     def _through(self, errors: Errors, changed: ComplexArray) -> ComplexArray:
         """Return whitened changes (Q, F, m, E, r) less what states can imitate of them."""
         white = self.likelihood.whitened_changes(errors, changed)
-        return white if errors.free is None else errors.free.taken_off(white)
+        return white if errors.eliminated is None else errors.eliminated.taken_off(white)
 
     def _slopes(self, values: Array, errors: Errors, jacobian: ComplexArray) -> ComplexArray:
         """Return the derivatives of whitened modelled outputs, (Q, F, m, E, p)."""
         white = self.likelihood.whitened_changes(errors, jacobian)
-        if errors.free is None:
+        part = errors.eliminated
+        if part is None:
             return white
-        free = self.free(values)
-        if not (isinstance(free, FreeResponse) and isinstance(errors.free, FreePart)):
-            return errors.free.taken_off(white)
+        free = self.free_response(values)
+        if not (isinstance(free, FreeResponse) and isinstance(part, FreePart)):
+            return part.taken_off(white)
         slopes = by_ln_theta(self._states, values)
-        moved = free.moved(slopes, errors.free.amplitudes)
-        return errors.free.taken_off(white + errors.whiten(moved))
+        moved = free.moved(slopes, part.amplitudes)
+        return part.taken_off(white + errors.whiten(moved))
 
     def _states(self, values: Array) -> Array:
         assert self.data.sample_time is not None

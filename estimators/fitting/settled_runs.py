@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import replace
 from typing import Any
 
@@ -9,12 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estimators.fitting.least_squares import fit
+from estimators.fitting.multistart import multistart
 from estimators.fitting.priors import Prior
+from estimators.fitting.run_fit import RunFit
 from estimators.fitting.run_problem import run_problem
 from estimators.input_output.coulomb import CoulombPart
 from estimators.input_output.run_spectra import RunSpectra, run_spectra
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import IdentificationWarning
+from robotmodels.common.progress import Progress
 from robotmodels.linear.response import Elastic, frequency_response
 from robotmodels.records.records import Records
 
@@ -88,6 +92,71 @@ def settled_runs(
     return data
 
 
+def settled_fit(
+    model: Elastic,
+    records: Records | Sequence[Records],
+    starts: Array | Sequence[Array],
+    noise: Noise = "auto",
+    *,
+    weights: str | None = None,
+    prior: Prior | None = None,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+    **choice: Any,
+) -> tuple[RunFit, tuple[RunFit, ...]]:
+    """Return the fit to runs that settle about the best of searches from many starts.
+
+    They settle about the model's values first, which are guesses; searches from all `starts` take
+    the friction of these levels; about the best of them the runs settle again.
+
+    Parameters
+    ----------
+    model : Elastic
+        Robot with the guesses.
+    records : Records or sequence of Records
+        Runs, as of `settled_runs`.
+    starts : ndarray, (N, p), SI
+        Where searches begin.
+    noise : str or tuple
+        As in `run_spectra`.
+    weights : str, optional
+        As of `fit`.
+    prior : Prior, optional
+        As of `fit`.
+    executor : Executor, optional
+        As of `multistart`.
+    progress : Progress, optional
+        As of `multistart`.
+    choice : dict
+        Other arguments of `settled_runs`.
+
+    Returns
+    -------
+    fit : RunFit
+        Its data are the settled runs.
+    searches : tuple of RunFit
+        Searches from all starts, the least cost first.
+
+    Raises
+    ------
+    InvalidInput, SolverFailed
+        As `run_spectra` and `fit`.
+    """
+    data = settled_runs(model, records, noise, prior=prior, **choice)
+    searches = multistart(
+        model,
+        replace(data, coulomb=None),  # which is compiled
+        starts,
+        weights=weights,
+        executor=executor,
+        progress=progress,
+        prior=prior,
+    )
+    best = searches[0].parameters.values
+    data = settled_runs(model, records, noise, start=best, prior=prior, **choice)
+    return fit(model, data, weights=weights, start=best, prior=prior), searches
+
+
 def runs_at(
     model: Elastic,
     records: Records | Sequence[Records],
@@ -107,7 +176,7 @@ def runs_at(
         [run_spectra(part, noise, friction=rubbing, values=values, **choice) for part in parts]
     )
     if data.coulomb is not None:
-        part = run_problem(model, data).errors(values).free
+        part = run_problem(model, data).errors(values).eliminated
         assert isinstance(part, CoulombPart)
         data = data.at_coulomb(part.levels)
     if not data.silent:

@@ -96,9 +96,18 @@ class CoulombPart:
         """Levels that explain the errors best, beside those taken off before, (Q, n) [N m]."""
         return self.span.amplitudes[..., 0]
 
-    def spent(self, runs: int) -> Array:
-        """Return the real numbers that friction takes, (Q,)."""
-        return self.span.spent(1)
+    @property
+    def covariance(self) -> Array:
+        """Covariance of the levels where the FRF is known, of known noise, (Q, n, n) [N^2 m^2]."""
+        return np.asarray(self.span.inverse @ self.span.inverse.swapaxes(1, 2) / 2)
+
+    def levels_of(self, changes: ComplexArray) -> Array:
+        """Return the levels (Q, n, r) that explain changes (Q, F, m, E, r) of errors best."""
+        return self.span.amplitudes_of(_as_one_run(changes))
+
+    def degrees_of_freedom(self, runs: int) -> Array:
+        """Return the real degrees of freedom that levels take, (Q,)."""
+        return self.span.degrees_of_freedom(1)
 
     def taken_off(self, columns: ComplexArray) -> ComplexArray:
         """Return columns (Q, F, m, E, ...) less what friction can imitate of them."""

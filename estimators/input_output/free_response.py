@@ -25,11 +25,14 @@ class FreePart:
     ----------
     basis : ndarray, (Q, r, s)
         Orthonormal columns over r real numbers, zero beyond the rank.
+    inverse : ndarray, (Q, s, s)
+        From what columns have of the basis to the amplitudes of the responses.
     amplitudes : ndarray, (Q, s, E)
         States of each run that explain its errors best.
     """
 
     basis: Array
+    inverse: Array
     amplitudes: Array
 
     @classmethod
@@ -44,11 +47,15 @@ class FreePart:
         inverse = (
             right.swapaxes(1, 2) * np.where(told, 1 / np.where(told, values, 1.0), 0.0)[:, None]
         )
-        along = basis.swapaxes(1, 2) @ _real(errors)
-        return cls(basis, inverse @ along / scale.swapaxes(1, 2))
+        inverse = inverse / scale.swapaxes(1, 2)
+        return cls(basis, inverse, inverse @ basis.swapaxes(1, 2) @ _real(errors))
 
-    def spent(self, runs: int) -> Array:
-        """Return the real numbers that runs spend on their states, (Q,)."""
+    def amplitudes_of(self, columns: ComplexArray) -> Array:
+        """Return the amplitudes (Q, s, ...) that explain columns (Q, F, m, ...) best."""
+        return np.asarray(self.inverse @ self.basis.swapaxes(1, 2) @ _real(columns))
+
+    def degrees_of_freedom(self, runs: int) -> Array:
+        """Return the real degrees of freedom that the states of runs take, (Q,)."""
         return np.asarray(runs * np.round((self.basis**2).sum(axis=(1, 2))))
 
     def taken_off(self, columns: ComplexArray) -> ComplexArray:

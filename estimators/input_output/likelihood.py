@@ -40,7 +40,7 @@ class Errors:
         Sigma.
     gain : ndarray of complex, (Q, F, n, m)
         A L^-H, column by column A_i / L_i row by row: inputs are U less gain times `whitened`.
-    free : FreePart, PolynomialPart, CoulombPart or None
+    eliminated : FreePart, PolynomialPart, CoulombPart or None
         The free response, or what friction does beside that of the data's levels.
     """
 
@@ -49,7 +49,7 @@ class Errors:
     inputs: ComplexArray
     covariance: ComplexArray
     gain: ComplexArray
-    free: FreePart | PolynomialPart | CoulombPart | None = None
+    eliminated: FreePart | PolynomialPart | CoulombPart | None = None
 
     def whiten(self, columns: ComplexArray) -> ComplexArray:
         """Return L^-1 of columns (Q, F, m, ...)."""
@@ -127,7 +127,7 @@ class RunLikelihood:
             inputs = U[..., None, :, :] - pulled
         else:
             inputs = U - gain @ whitened
-        return replace(errors, whitened=whitened, inputs=inputs, free=part)
+        return replace(errors, whitened=whitened, inputs=inputs, eliminated=part)
 
     def _along(
         self,
@@ -153,11 +153,11 @@ class RunLikelihood:
         assert self.data.coulomb is not None
         return np.moveaxis(self.data.coulomb.shares, 1, 3)
 
-    def inputs(self, free: FreePart | PolynomialPart | CoulombPart | None) -> ComplexArray:
+    def inputs(self, eliminated: FreePart | PolynomialPart | CoulombPart | None) -> ComplexArray:
         """Return the torques less what friction takes of them, (Q, F, n, E)."""
         U = self.columns[1]
-        if isinstance(free, CoulombPart):
-            U = U - self._shares * free.levels[:, None, :, None]
+        if isinstance(eliminated, CoulombPart):
+            U = U - self._shares * eliminated.levels[:, None, :, None]
         return U
 
     def raw_errors(self, response: ComplexArray) -> ComplexArray:

@@ -36,8 +36,8 @@ class PolynomialPart:
     lines: IntArray
     basis: ComplexArray
 
-    def spent(self, runs: int) -> Array:
-        """Return the real numbers that runs spend on their transients, (Q,)."""
+    def degrees_of_freedom(self, runs: int) -> Array:
+        """Return the real degrees of freedom that the transients of runs take, (Q,)."""
         return np.asarray(2 * runs * np.round((np.abs(self.basis) ** 2).sum(axis=(1, 2, 3, 4))))
 
     def taken_off(self, columns: ComplexArray) -> ComplexArray:

@@ -105,6 +105,8 @@ class DirectedTests:
         Number of its standard deviations.
     degrees_of_freedom : ndarray, (r,)
         Degrees of freedom of the standard deviations.
+    shifts : ndarray, (r, p)
+        How far coefficients of one, left out of the model, move ln theta.
     """
 
     names: tuple[str, ...]
@@ -116,6 +118,7 @@ class DirectedTests:
     moved: IntArray
     shift: Array
     degrees_of_freedom: Array
+    shifts: Array
 
     def significant(self, level: float = 0.01) -> NDArray[np.intp]:
         """Return the directions whose test fires at `level` over all (Bonferroni), strongest first.
@@ -148,7 +151,7 @@ def directed_tests(
         remains of the sum beside a direction, as those of the parameters are.
     """
     if not directions.names:
-        return _no_tests()
+        return _no_tests(len(std))
     parts, offset = [], 0
     for columns in directions.batches():
         parts.append(_tested(fit, columns, offset, correlation, std, expected))
@@ -164,11 +167,11 @@ def directed_tests(
     )
 
 
-def _no_tests() -> DirectedTests:
+def _no_tests(parameters: int) -> DirectedTests:
     """Return the tests along no direction."""
     whole = ("index", "moved")
     empty = {f.name: np.empty(0, int if f.name in whole else float) for f in _columns_of()}
-    return DirectedTests((), (), **empty)
+    return DirectedTests((), (), **(empty | {"shifts": np.empty((0, parameters))}))
 
 
 def _columns_of() -> tuple[Field[Any], ...]:
@@ -223,14 +226,15 @@ def _tested(
     step = one_step(fit, columns)
     seen, rows, estimates = step.seen, step.rows, step.estimates
     if not seen.any():
-        return _no_tests()
+        return _no_tests(len(std))
     scatter = cautious_scatter(fit, rows, correlation)
     if expected is not None:
         remaining = fit.squares_beside(step.off, estimates)
         scatter = scatter.scaled(np.maximum(remaining / expected, 1.0))
     deviation = np.sqrt(scatter.variance)
+    shifts = fit.shifts(columns[..., seen]).T
     with np.errstate(divide="ignore", invalid="ignore"):
-        shift = np.abs(fit.shifts(columns[..., seen]).T) * DETECTION * deviation[:, None] / std
+        shift = np.abs(shifts) * DETECTION * deviation[:, None] / std
     shift = np.nan_to_num(shift, nan=0.0)
     return DirectedTests(
         (),
@@ -242,4 +246,5 @@ def _tested(
         shift.argmax(axis=1),
         shift.max(axis=1, initial=0.0),
         scatter.degrees_of_freedom,
+        shifts,
     )

@@ -63,6 +63,14 @@ class Trust(ReprHtml):
         return np.asarray(np.sqrt(self.scatter.variance))
 
     @cached_property
+    def model_error(self) -> Array:
+        """Largest shifts of ln theta, (p,), by errors of the model whose tests fire; 0 if none."""
+        tests = self.tests
+        fired = tests.significant()
+        each = np.abs(tests.estimates[fired, None] * tests.shifts[fired])
+        return np.asarray(each.max(axis=0, initial=0.0))
+
+    @cached_property
     def intervals(self) -> tuple[Interval, ...]:
         """The recommended 95 % interval of each parameter."""
         return tuple(

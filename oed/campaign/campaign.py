@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
+
 from estimators.fitting.fitted_robot import fitted_robot
 from estimators.input_output.friction_shares import check_motors
 from oed.campaign.checks import check_hope, check_low_level, check_unchanged
@@ -28,6 +30,7 @@ from oed.study.stage_cache import open_stages
 from robotmodels import ElasticRobot, load_robot
 from robotmodels.common.errors import InvalidInput, naming
 from robotmodels.common.progress import StageProgress
+from robotmodels.exports.robot_files import with_friction
 from robotmodels.library.robot_digest import robot_digest
 
 
@@ -138,7 +141,10 @@ class Campaign:
             If no body can have the fitted inertia.
         """
         data = {"data": f"campaign, cost {latest.cost:.3g} times what noise makes of it"}
-        return fitted_robot(self.robot, latest.values, latest.trust, data, latest.covariance)
+        robot = fitted_robot(self.robot, latest.values, latest.trust, data, latest.covariance)
+        if not latest.friction:
+            return robot
+        return with_friction(robot, np.array([one.level for one in latest.friction]))
 
     @contextmanager
     def _evaluation(self, progress: StageProgress | None = None) -> Iterator[Evaluation]:

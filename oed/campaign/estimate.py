@@ -1,21 +1,21 @@
 """What the records of all visits say together."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from estimators.fitting.least_squares import as_fit, fit as fit_from
-from estimators.fitting.multistart import multistart, perturbed_starts
+from estimators.fitting.multistart import perturbed_starts
 from estimators.fitting.priors import Prior
-from estimators.fitting.run_fit import RunFit
+from estimators.fitting.run_fit import FrictionLevel, RunFit
 from estimators.fitting.run_problem import run_problem
-from estimators.fitting.settled_runs import runs_at, settled_runs
+from estimators.fitting.settled_runs import runs_at, settled_fit, settled_runs
 from estimators.fitting.trust_region import SearchResult
 from estimators.frf.frf_from_records import collected_warnings
 from estimators.input_output.noise_law import NoiseLaw
-from estimators.input_output.run_scatter import expected_square
-from estimators.input_output.run_spectra import RunSpectra, run_spectra
+from estimators.input_output.run_spectra import run_spectra
 from estimators.trust.trust import Trust
 from estimators.uncertainty.covariance import Uncertainty, covariance
 from oed.campaign.checks import drift, recorded_peaks
@@ -67,8 +67,8 @@ class Estimate:
         drifts; not a number before.
     visit_costs : ndarray, (V,)
         Squared residuals of each visit over what noise makes of them.
-    coulomb : ndarray, (V, n), N m
-        Levels of the motors' Coulomb friction in each visit; empty where it is not estimated.
+    friction : tuple of FrictionLevel
+        Of each motor; empty where it is not estimated.
     peaks : ndarray, (V, 2, n)
         Largest torques [N m] and speeds [rad/s] of the motors in each visit.
     warnings : tuple of str
@@ -85,7 +85,7 @@ class Estimate:
     noise: ComplexArray
     drift: float
     visit_costs: Array
-    coulomb: Array
+    friction: tuple[FrictionLevel, ...]
     peaks: Array
     warnings: tuple[str, ...]
 
@@ -94,11 +94,20 @@ class Estimate:
         """Quoted standard deviations over those of Theorem 1, (p,): what residuals add."""
         return np.asarray(self.std / np.sqrt(np.diag(self.covariance)))
 
-    @property
-    def doubts(self) -> tuple[str, ...]:
-        """What speaks against the numbers, each in a sentence."""
+    def bears(self, targets: Array) -> bool:
+        """Tell whether errors of the model that tests show leave every accuracy (p,) reached.
+
+        Each shifts parameters by what leaving it out does in one step; standard deviations are
+        inflated by all that tests do not explain. An error that no test shows may be of any size.
+        """
+        shown = self.trust.tests.significant().size > 0
+        return shown and bool((self.trust.model_error + self.std <= targets).all())
+
+    def doubts(self, targets: Array) -> tuple[str, ...]:
+        """Return what speaks against the numbers if such accuracies are asked for, in sentences."""
         verdict, doubts = self.trust.verdict, []
-        if verdict in ("not converged", "model error"):
+        wrong = verdict == "model error" and not self.bears(targets)
+        if verdict == "not converged" or wrong:
             doubts.append(f"{verdict}: {verdict.reason}")
         if self.drift < _DRIFT:
             doubts.append(
@@ -166,20 +175,10 @@ def estimate(
         Whether levels of Coulomb friction are estimated along.
     """
     records, peaks, warnings = _read(visits, robot if friction else None)
-
-    def settled(start: Array) -> RunSpectra:
-        return settled_runs(
-            robot, records, "detection", friction=friction, start=start, prior=prior, weak=True
-        )
-
     starts = perturbed_starts(robot.parameters, _STARTS, 0.3, rng)
+    options: dict[str, Any] = {"friction": friction, "prior": prior, "progress": progress}
     with collected_warnings():  # said by visit
-        data = settled(robot.parameters.values)
-        # Near enough with friction of the levels there are, which is compiled.
-        steady = replace(data, coulomb=None)
-        fits = multistart(robot, steady, starts, prior=prior, progress=progress)
-        data = settled(fits[0].parameters.values)
-    fit = fit_from(robot, data, start=fits[0].parameters.values, prior=prior)
+        fit, searches = settled_fit(robot, records, starts, "detection", weak=True, **options)
     theorem1 = _covariance(fit)
     periods = np.array([visit.plan.periods for visit in visits], dtype=float)
     return Estimate(
@@ -188,12 +187,13 @@ def estimate(
         covariance=theorem1.covariance,
         trust=fit.trust,
         cost=fit.cost / fit.expected_cost,
-        reached=sum(one.cost <= fits[0].cost * (1 + _SAME_COST) for one in fits) / len(fits),
+        reached=sum(one.cost <= searches[0].cost * (1 + _SAME_COST) for one in searches)
+        / len(searches),
         weighting=fit.weighting,
         noise=noise_of_period(fit, periods),
         drift=_drift(fit, visits),
         visit_costs=_visit_costs(fit),
-        coulomb=np.empty((0, 0)) if fit.coulomb is None else fit.coulomb,
+        friction=fit.friction_levels(theorem1.covariance),
         peaks=peaks,
         warnings=warnings,
     )
@@ -257,8 +257,7 @@ def _read(
 def _visit_costs(fit: RunFit) -> Array:
     """Return the squared residuals of each visit over their expectation, (V,)."""
     square = np.abs(fit.problem.errors(fit.parameters.values).whitened) ** 2
-    expected = expected_square(fit.data.degrees_of_freedom, fit.problem.rows) * square[0].size
-    return np.asarray(square.sum(axis=(1, 2, 3)) / expected)
+    return np.asarray(square.sum(axis=(1, 2, 3)) / fit.problem.expected_squares)
 
 
 def _drift(fit: RunFit, visits: Sequence[Visit]) -> float:

@@ -19,7 +19,7 @@ from oed.information_sets.excitations import Excitation, Zippered
 from oed.information_sets.experiment_candidates import ExperimentCandidates
 from robotmodels import ElasticRobot
 from robotmodels.common.arrays import ComplexArray
-from robotmodels.exports.robot_files import with_values
+from robotmodels.exports.robot_files import with_friction, with_values
 from robotmodels.linear.noise import ErrorCovariance
 
 _FIRST_SHARE, FEWEST = 0.15, 2
@@ -143,8 +143,14 @@ def _errors(noise: ComplexArray) -> ErrorCovariance:
 
 
 def known_now(robot: ElasticRobot, latest: Estimate | None) -> ElasticRobot:
-    """Return the robot with the values of an estimate, the guesses before the first."""
+    """Return the robot with the values of an estimate, the guesses before the first.
+
+    Its friction, beside which limits have room, is the highest of a visit and two standard
+    deviations more.
+    """
     if latest is None:
         return robot
     fitted = with_values(robot, latest.values, None)
-    return replace(fitted, file=fitted.file.model_copy(update={"guessed": {}}))
+    if not latest.friction:
+        return fitted
+    return with_friction(fitted, np.array([one.highest + 2 * one.std for one in latest.friction]))

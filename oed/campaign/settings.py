@@ -60,6 +60,11 @@ class VisitSettings(LoopSettings):
         return self
 
     @property
+    def friction_factor(self) -> float:
+        """One: visits are for robots, imperfections for rehearsals."""
+        return 1.0
+
+    @property
     def period_counts(self) -> list[int]:
         """Numbers of measured periods to choose from: powers of two, and the most."""
         most = self.most_periods

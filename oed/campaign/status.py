@@ -59,7 +59,7 @@ class CampaignStatus:
         "reached", or "in doubt" if that is so but something speaks against the numbers.
         """
         if self.estimate is not None and not self.short_of:
-            return "in doubt" if self.estimate.doubts else "reached"
+            return "in doubt" if self.estimate.doubts(self.targets) else "reached"
         if self.outlook is not None and not self.open and self.remaining < self.outlook.shortest:
             return "minutes used"
         if self.outlook is not None and not self.outlook.reachable:

@@ -130,6 +130,11 @@ class LoopSettings(FileSection):
     controller: ControllerChoice | None = None
     imperfections: ImperfectionChoice = ImperfectionChoice()
 
+    @property
+    def friction_factor(self) -> float:
+        """Times the robot file's Coulomb friction, which torques overcome within their limits."""
+        return self.imperfections.friction
+
 
 def per_motor(
     key: str, value: float | list[float], motors: tuple[str, ...], each: str = "motor"

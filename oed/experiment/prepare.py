@@ -280,7 +280,7 @@ def within_limits(
 
 def friction_of(settings: LoopSettings, robot: ElasticRobot) -> Array:
     """Return the motors' Coulomb friction, (n,) [N m], as the settings have it."""
-    return settings.imperfections.friction * shaft_friction(robot.file)
+    return settings.friction_factor * shaft_friction(robot.file)
 
 
 def limits_of(settings: LoopSettings, robot: ElasticRobot) -> Limits:

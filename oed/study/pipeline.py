@@ -15,7 +15,7 @@ from oed.study.settings.study_file import Study
 from oed.study.sources import MeasuredStudy, SimulatedDesign, SimulatedStudy
 from oed.study.stage_cache import Stage, Stages, versions
 from oed.study.stages.cross_check import CrossCheckInputs, cross_check
-from oed.study.stages.fit import Search, fit, starts_of
+from oed.study.stages.fit import Search, fit
 from oed.study.stages.posterior import check_posterior, cost_posterior, posterior
 from oed.study.stages.profiles import profiles
 from oed.study.stages.result import SelectedFit, result
@@ -146,7 +146,7 @@ class _Fits:
     def of(cls, source: SimulatedStudy | MeasuredStudy) -> "_Fits":
         """Run the stages."""
         run, data = source.run, source.data
-        starts = starts_of(run)
+        starts = run.starts
         searches = {
             estimator.name: fit(run, estimator, data, starts) for estimator in run.study.estimators
         }

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from estimators import RunFit, RunSpectra
+    from estimators.fitting.run_fit import FrictionLevel
     from robotmodels import ElasticRobot, Records as RecordsOfRuns
     from robotmodels.common.arrays import Array
 
@@ -77,7 +78,7 @@ def identify(
     Example: oed identify manutec_r3 out/manutec_r3_experiment/records.h5
     """
     one_thread_each()
-    from estimators import check_rigid_runs, covariance, multistart, read_records
+    from estimators import check_rigid_runs, covariance, multistart, read_records, settled_fit
     from estimators.frf.frf_from_records import collected_warnings
     from robotmodels import save_robot
     from robotmodels.common.errors import naming
@@ -87,18 +88,24 @@ def identify(
     with collected_warnings() as warnings:
         loops = _torque_loops(model, *next(iter(runs.items())))
         options: dict[str, Any] = {"noise": noise, "delay": delay, "hold": hold, "states": states}
-        data = _joined(runs, model if friction else None, **options)
+        data, begun = _joined(runs, **options), _starts(model, starts, decades)
         with naming(_files(records)):
-            fits = multistart(model, data, _starts(model, starts, decades), weights=rows)
-            check_rigid_runs(data, model)  # after the fit has refused data of other robots
-    fit = fits[0]
-    reached = sum(other.cost <= fit.cost * (1 + 1e-6) for other in fits)
+            if friction:
+                every = [*runs.values()]
+                fit, fits = settled_fit(model, every, begun, weights=rows, **options)
+            else:
+                fits = multistart(model, data, begun, weights=rows)
+                fit = fits[0]
+            check_rigid_runs(fit.data, model)  # after the fit has refused data of other robots
+    reached = sum(other.cost <= fits[0].cost * (1 + 1e-6) for other in fits)
     target = (output or records[0].parent) / f"{model.name}_identified.yaml"
-    save_robot(fit.robot(covariance=covariance(fit).covariance), target)
+    uncertainty = covariance(fit).covariance
+    levels = fit.friction_levels(uncertainty)
+    save_robot(fit.robot(covariance=uncertainty), target)
     warn(warnings)
     say(
-        lambda: _summary(fit, reached, starts, target, loops[0]),
-        lambda: {**_json(fit, reached, target), "torque_loop": loops[1]},
+        lambda: _summary(fit, levels, reached, starts, target, loops[0]),
+        lambda: {**_json(fit, levels, reached, target), "torque_loop": loops[1]},
         as_json,
     )
 
@@ -118,11 +125,9 @@ def _files(records: list[Path]) -> str:
     return f"{records[0]} and {more} more" if more else str(records[0])
 
 
-def _joined(
-    runs: "Mapping[Path, RecordsOfRuns]", friction: "ElasticRobot | None", **options: Any
-) -> "RunSpectra":
-    """Return the spectra of the records of all files; `friction` of motors of this robot."""
-    from estimators import RunSpectra, run_spectra, settled_runs
+def _joined(runs: "Mapping[Path, RecordsOfRuns]", **options: Any) -> "RunSpectra":
+    """Return the spectra of the records of all files."""
+    from estimators import RunSpectra, run_spectra
     from robotmodels.common.errors import naming
 
     parts = []
@@ -130,8 +135,6 @@ def _joined(
         with naming(path):
             parts.append(run_spectra(records, **options))
     with naming(_files([*runs])):
-        if friction is not None:
-            return settled_runs(friction, [*runs.values()], **options)
         return parts[0] if len(parts) == 1 else RunSpectra.join(parts)
 
 
@@ -168,15 +171,23 @@ def _torque_loops(
     return loop_words(loop, robot.motor_names), loop_json(loop, robot.motor_names)
 
 
-def _summary(fit: "RunFit", reached: int, starts: int, written: Path, loops: list[str]) -> str:
+def _summary(
+    fit: "RunFit",
+    levels: "tuple[FrictionLevel, ...]",
+    reached: int,
+    starts: int,
+    written: Path,
+    loops: list[str],
+) -> str:
     from reports.sections.verdict import interval_words
     from reports.summaries.columns import hung, plain
+    from reports.summaries.friction_levels import level_words
 
     ratio = fit.cost / fit.expected_cost
     lines = [
         ("data", str(fit.data)),
         *(("loop", words) for words in loops),
-        *(("friction", words) for words in _friction(fit)),
+        *((f"friction of {one.motor}", level_words(one)) for one in levels),
         ("fit", f"cost {ratio:.3f} times what noise makes of it; {reached} of {starts} starts"),
         *(
             (one.name, plain(f"{interval_words(one)} {unit}"))
@@ -192,16 +203,11 @@ def _summary(fit: "RunFit", reached: int, starts: int, written: Path, loops: lis
     return "\n".join(printed)
 
 
-def _friction(fit: "RunFit") -> list[str]:
-    """Return the mean level of each motor's friction over positions, with its scatter."""
-    if fit.coulomb is None:
-        return []
-    names = getattr(fit.model, "motor_names", range(1, fit.coulomb.shape[1] + 1))
-    pairs = zip(names, fit.coulomb.mean(axis=0), fit.coulomb.std(axis=0), strict=True)
-    return [f"{name}: {mean:.4g} N m, over positions +- {std:.2g}" for name, mean, std in pairs]
+def _json(
+    fit: "RunFit", levels: "tuple[FrictionLevel, ...]", reached: int, written: Path
+) -> dict[str, object]:
+    from reports.summaries.friction_levels import levels_json
 
-
-def _json(fit: "RunFit", reached: int, written: Path) -> dict[str, object]:
     trust = fit.trust.document()
     return {
         "schema": "identify/1",
@@ -211,5 +217,6 @@ def _json(fit: "RunFit", reached: int, written: Path) -> dict[str, object]:
         "reached": reached,
         **{key: trust[key] for key in ("verdict", "reason", "intervals")},
         **({} if fit.coulomb is None else {"coulomb": fit.coulomb.tolist()}),
+        "friction": levels_json(levels),
         "file": str(written),
     }

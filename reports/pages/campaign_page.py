@@ -24,6 +24,7 @@ from reports.page_elements import (
     table,
 )
 from reports.sections import run_spectra
+from reports.sections.friction import friction_table
 from reports.sections.parameters import kind_of
 from reports.sections.verdict import discredited, interval_words
 from reports.summaries.campaign_summary import (
@@ -107,6 +108,7 @@ def _progress(campaign: Campaign, status: CampaignStatus) -> Section:
         tiles=tiles,
         remarks=remarks(status),
         parameters=parameter_table(campaign, status),
+        friction=None if status.estimate is None else friction_table(status.estimate.friction),
         accuracies=drawn,
     )
     return Section("progress", "Progress", body)
@@ -117,10 +119,12 @@ def parameter_table(campaign: Campaign, status: CampaignStatus) -> Table | None:
     if status.estimate is None:
         return None
     groups: dict[str, list[Row]] = {}
+    borne = status.estimate.bears(status.targets)
     for i, one in enumerate(status.estimate.trust.intervals):
         factor, unit = text.scaled_unit(one.value, campaign.robot.parameters.units[i])
         std, target = float(status.estimate.std[i]), float(status.targets[i])
-        decimals, struck = text.decimals_for(std * one.value / factor), discredited(one)
+        decimals = text.decimals_for(std * one.value / factor)
+        struck = "" if borne else discredited(one)
         row: Row = (
             one.name,
             Number(text.fixed(one.value / factor, decimals), one.value, struck),

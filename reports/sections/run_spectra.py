@@ -11,7 +11,8 @@ from oed.study.results import StudyResults
 from reports import text
 from reports.figures import response_panels
 from reports.figures.response_panels import lines_drawn
-from reports.page_elements import Drawing, Figure, Section, figure, filled
+from reports.page_elements import Drawing, Figure, Section, Table, figure, filled
+from reports.sections.friction import friction_table
 from reports.sections.plan_labels import visit_labels
 from robotmodels import ElasticRobot
 from robotmodels.common.arrays import Array, ComplexArray
@@ -22,15 +23,21 @@ MOST_RUNS = 6
 
 def section(results: StudyResults, fit: RunFit) -> Section:
     """Return the section; `fit` is the result."""
-    return Section("run-spectra", "Runs", body(results.robot, fit, panels(results, fit)))
+    theorem1 = results.uncertainty.theorem1
+    levels = () if theorem1 is None else fit.friction_levels(theorem1.covariance)
+    content = body(results.robot, fit, panels(results, fit), friction_table(levels))
+    return Section("run-spectra", "Runs", content)
 
 
-def body(robot: ElasticRobot, fit: RunFit, drawn: list[Figure]) -> Markup:
-    """Return the section's text with `drawn`, the spectra of a fit."""
+def body(
+    robot: ElasticRobot, fit: RunFit, drawn: list[Figure], friction: Table | None = None
+) -> Markup:
+    """Return the section's text with `drawn`, the spectra of a fit, and levels of `friction`."""
     visits, runs, lines = fit.data.inputs.shape[:3]
     return filled(
         "run_spectra.html.j2",
         panels=drawn,
+        friction=friction,
         visits=visits,
         runs=runs,
         shown=min(runs, MOST_RUNS),

@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 
 from oed import CampaignStatus, Visit
+from oed.campaign.estimate import Estimate
 from oed.campaign.outlook import Outlook
 from reports import text
 from reports.summaries.columns import hung, number, plain, table, vector
+from reports.summaries.friction_levels import level_words, levels_json
 
 PURPOSES = {
     "check": "low level",
@@ -47,11 +49,23 @@ def next_command(status: CampaignStatus, campaign: str) -> str:
 def remarks(status: CampaignStatus) -> list[str]:
     """Return what speaks against the numbers, and what cannot be reached, each in a sentence."""
     estimate = status.estimate
-    doubts = [] if estimate is None else [*estimate.doubts, *estimate.warnings]
+    doubts = [] if estimate is None else _about_estimate(status, estimate)
     out_of_reach = status.state in ("out of reach", "minutes used")
     if out_of_reach and status.outlook is not None:
         doubts.append(_outlook_words(status, status.outlook))
     return doubts
+
+
+def _about_estimate(status: CampaignStatus, estimate: Estimate) -> list[str]:
+    verdict, shift = estimate.trust.verdict, estimate.trust.model_error
+    remarks = [*estimate.doubts(status.targets), *estimate.warnings]
+    if verdict == "model error" and estimate.bears(status.targets):
+        worst = int(np.argmax(shift / status.targets))
+        remarks.append(
+            f"{verdict}: {verdict.reason}; left out, it moves {status.names[worst]} by "
+            f"{number(100 * float(shift[worst]), 2)} %, so every accuracy is reached all the same"
+        )
+    return remarks
 
 
 def _outlook_words(status: CampaignStatus, outlook: Outlook) -> str:
@@ -136,7 +150,9 @@ def _parameters(status: CampaignStatus) -> list[str]:
     header = ("parameter", "value", "std", "asked for", "")
     verdict = f"{estimate.trust.verdict}: {estimate.trust.verdict.reason}"
     lines = table(header, rows, right=(1, 2, 3))
-    if verdict not in estimate.doubts:
+    for one in estimate.friction:
+        lines += hung(f"friction of {one.motor}: ", level_words(one), 2)
+    if not any(words.startswith(verdict) for words in remarks(status)):
         lines += hung("verdict: ", verdict, 2)
     if np.isfinite(estimate.drift):
         lines.append(f"first visit repeated: p-value of no drift {estimate.drift:.2g}")
@@ -180,6 +196,7 @@ def status_json(status: CampaignStatus, report: Path) -> dict[str, Any]:
             "verdict": str(estimate.trust.verdict),
             "reason": estimate.trust.verdict.reason,
             "drift": estimate.drift,
+            "friction": levels_json(estimate.friction),
             "parameters": [
                 {
                     "name": one.name,

@@ -9,7 +9,7 @@ from reports.summaries.columns import decimals, hung, number, plural, table, vec
 from robotmodels.checks.diagnosis import Diagnosis, MotorState, ParameterState, SpringState
 from robotmodels.checks.warnings import Suspicion
 from robotmodels.common.plain_data import json_data, json_text
-from robotmodels.description.friction import friction_sentences, friction_shares
+from robotmodels.description.friction import equivalent_dampers, friction_sentences
 from robotmodels.description.outputs import Output, outputs_of
 from robotmodels.description.robot_file import Hardening, RobotFile
 from robotmodels.description.unused_elements import UnusedPart
@@ -54,7 +54,7 @@ def robot_json(
     settings = file.model_dump(include=keys)
     gains = {motor.name: motor.torque_gain for motor in file.motors}
     lists = {"torque_gains": gains, "warnings": suspicions, "unused": unused}
-    lists["friction"] = [json_data(share) for share in friction_shares(file)]
+    lists["friction"] = [json_data(damper) for damper in equivalent_dampers(file)]
     return json_text(json_data(diagnosis) | settings | lists)
 
 

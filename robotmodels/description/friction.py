@@ -78,7 +78,7 @@ def equivalent_damping(coulomb: float, width: float, speed: float | None) -> flo
 
 
 @dataclass(frozen=True)
-class FrictionShare:
+class EquivalentDamper:
     """What Coulomb friction is beside viscous friction, of one motor or joint.
 
     Attributes
@@ -112,17 +112,17 @@ class FrictionShare:
 
 def friction_sentences(file: "RobotFile") -> list[str]:
     """Return what Coulomb friction is in frequency responses, in words."""
-    shares = friction_shares(file)
+    dampers = equivalent_dampers(file)
     sentences = [
         f"Coulomb friction of {x.name}, {x.coulomb:.4g} N m, counts as {x.equivalent:.4g} N m "
         f"s/rad at {x.speed:.4g} rad/s rms"
         + (f" and {x.per_load:.4g} more for each N m of gravity's torque" if x.per_load else "")
         + f", beside {x.viscous:.4g} of viscous friction"
         + ("; it DOMINATES, so responses hold for this amplitude" if x.dominates else "")
-        for x in shares
+        for x in dampers
         if x.speed is not None
     ]
-    others = ", ".join(x.name for x in shares if x.speed is None)
+    others = ", ".join(x.name for x in dampers if x.speed is None)
     if others and (sentences or file.friction):
         sentences.append(
             f"Coulomb friction of {others} is in simulations only (coulomb_speed: in responses too)"
@@ -130,10 +130,10 @@ def friction_sentences(file: "RobotFile") -> list[str]:
     return sentences
 
 
-def friction_shares(file: "RobotFile") -> tuple[FrictionShare, ...]:
-    """Return the share of each motor and joint with Coulomb friction, values on its own side."""
+def equivalent_dampers(file: "RobotFile") -> tuple[EquivalentDamper, ...]:
+    """Return the damper of each motor and joint with Coulomb friction, values on its own side."""
     return tuple(
-        FrictionShare(
+        EquivalentDamper(
             item.name,
             item.viscous,
             item.coulomb,

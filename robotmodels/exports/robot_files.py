@@ -1,8 +1,10 @@
 """Robot files written: values at full precision, the URDF found from the new folder."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import yaml
 
 from robotmodels.common.arrays import Array
@@ -37,6 +39,13 @@ def with_values(robot: ElasticRobot, values: Array, fitted: Fitted | None = None
     file = robot.elements.whole_file_at(robot.parameters.check(values))
     file = file.model_copy(update={"fitted": fitted, "guessed": {}})
     return ElasticRobot(file, robot.folder)
+
+
+def with_friction(robot: ElasticRobot, levels: Array) -> ElasticRobot:
+    """Return the robot whose motors have other levels (n,) [N m] of Coulomb friction, 0 at least."""
+    pairs = zip(robot.file.motors, np.maximum(levels, 0.0).tolist(), strict=True)
+    motors = [motor.model_copy(update={"coulomb": level}) for motor, level in pairs]
+    return replace(robot, file=robot.file.model_copy(update={"motors": motors}))
 
 
 def with_speeds(robot: ElasticRobot, speeds: Array) -> ElasticRobot:

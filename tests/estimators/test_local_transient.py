@@ -42,7 +42,7 @@ def test_gradients_are_those_of_the_cost(weighting):
 def test_polynomials_of_any_size_cost_nothing():
     data = dense_runs(np.random.default_rng(2), 512)
     posed, lines = problem(data), np.arange(len(data.omega))
-    block = posed.free(TRUTH).lines[2]
+    block = posed.free_response(TRUTH).lines[2]
     step = np.where(np.isin(lines, block), 1.0 + lines - 0.1j * lines**2, 0.0)
     other = replace(data, outputs=data.outputs + 1e3 * step[:, None] * np.array([1.0, 2.0j]))
     before, after = (

@@ -233,7 +233,7 @@ def test_reached_is_in_doubt_where_the_model_or_the_robot_is(fitted: Path) -> No
     ):
         doubtful = replace(status, estimate=replace(status.estimate, **changes))
         assert doubtful.state == "in doubt"
-        assert words in doubtful.estimate.doubts[0]
+        assert words in doubtful.estimate.doubts(status.targets)[0]
 
 
 def test_costs_and_peaks_of_visits(fitted: Path) -> None:

@@ -32,8 +32,9 @@ def words(section):
 
 
 NO_TESTS = DirectedTests(
-    (), (), *(np.zeros(0, dtype=t) for t in (int, float, float, float, int, float, float))
-)
+    (), (), *(np.zeros(0, dtype=t) for t in (int, float, float, float, int, float, float)),
+    np.zeros((0, 2)),
+)  # fmt: skip
 TESTS = DirectedTests(
     ("delay", "payload.mass"),
     ("s", "relative"),
@@ -44,6 +45,7 @@ TESTS = DirectedTests(
     np.array([1, 0]),
     np.array([12.0, 0.4]),
     np.array([40.0, 40.0]),
+    np.zeros((2, 2)),
 )
 
 
@@ -123,7 +125,7 @@ def test_directions_tested_come_strongest_first_with_what_they_may_hide():
     many = DirectedTests(
         tuple(f"d{i}" for i in range(200)), ("relative",) * 200, np.arange(200),
         *np.ones((2, 200)), np.linspace(0.01, 1, 200), np.zeros(200, dtype=int),
-        np.arange(200.0), np.ones(200),
+        np.arange(200.0), np.ones(200), np.zeros((200, 1)),
     )  # fmt: skip
     shown = residuals.direction_table(trusted("trustworthy", tests=many)).groups[0][1]
     names = [row[0] for row in shown]

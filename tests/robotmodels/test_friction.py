@@ -10,9 +10,9 @@ from simulated import T, errors, frf, records_of
 import robotmodels
 from robotmodels import ElasticRobot, Imperfections, InvalidInput, kernel
 from robotmodels.description.friction import (
+    equivalent_dampers,
     equivalent_damping,
     friction_sentences,
-    friction_shares,
     shaft_friction,
 )
 from robotmodels.elastic.inverse_dynamics import movement_torques
@@ -159,9 +159,9 @@ def test_coulomb_friction_counts_as_the_damper_of_its_excitation(where: str) -> 
     )
     misfits = [np.median(np.abs(responses / other - 1)) for other in (expected, without)]
     assert misfits[0] < 0.4 * misfits[1]
-    (share,) = friction_shares(counted.file)
-    assert share.dominates or where == "load"
-    assert share.speed == pytest.approx(speed.std() / (1 if where == "motor" else 50))
+    (damper,) = equivalent_dampers(counted.file)
+    assert damper.dominates or where == "load"
+    assert damper.speed == pytest.approx(speed.std() / (1 if where == "motor" else 50))
 
 
 def test_friction_by_the_load_and_in_inverse_dynamics() -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from estimators.fitting.fit_problem import Measured
 from estimators.fitting.run_problem import check_model
-from estimators.fitting.settled_runs import settled_runs
+from estimators.fitting.settled_runs import settled_fit
 from estimators.frf.distortion import Distortion
 from estimators.frf.file_formats import read_frf, read_records
 from estimators.frf.frf_estimate import FrfEstimate, simulate_frf
@@ -104,18 +104,20 @@ def data_from_records(run: Run, records: Path, digest: str) -> Stage[Data]:
     settings = run.study.data.model_dump(mode="json")
 
     def compute(folder: Path, report: Progress | None) -> Data:
-        return read_data(run, records)
+        return read_data(run, records, report)
 
     inputs = {
         "robot": run.robot_digest,
         "records": digest,
         **{key: settings[key] for key in ("delay", "hold", *kinds[run.study.fits_runs])},
     }
+    if run.study.data.friction:
+        inputs |= {"starts": run.starts.tolist(), **run.prior_key}
     return run.stages.run("data", inputs, compute, dataclass_files(Data))
 
 
-def read_data(run: Run, records: Path) -> Data:
-    """Read the data of records as the study asks.
+def read_data(run: Run, records: Path, progress: Progress | None = None) -> Data:
+    """Read the data of records as the study asks; friction settles by a search from its starts.
 
     Raises
     ------
@@ -128,7 +130,8 @@ def read_data(run: Run, records: Path) -> Data:
             recorded = read_records(records)
             options: dict[str, Any] = {"hold": choice.hold, "delay": choice.delay}
             if choice.friction:
-                runs = settled_runs(run.robot, recorded, choice.noise, **options)
+                options |= {"prior": run.prior, "executor": run.executor, "progress": progress}
+                runs = settled_fit(run.robot, recorded, run.starts, choice.noise, **options)[0].data
             else:
                 runs = run_spectra(recorded, choice.noise, **options)
             check_model(run.robot, runs)

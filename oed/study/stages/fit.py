@@ -9,10 +9,8 @@ import numpy as np
 
 from estimators.fitting.fit_files import read_fits, write_fits
 from estimators.fitting.fit_problem import Measured
-from estimators.fitting.fitted_robot import robot_prior
 from estimators.fitting.least_squares import Fit, fit as fit_from, reweighted
-from estimators.fitting.multistart import multistart, perturbed_starts
-from estimators.fitting.priors import Prior
+from estimators.fitting.multistart import multistart
 from estimators.fitting.residuals import find_residual
 from estimators.fitting.run_fit import RunFit
 from estimators.fitting.weights import (
@@ -80,12 +78,6 @@ class Search:
         return sum(run.cost <= best * (1 + SAME_COST) for run in self.runs)
 
 
-def starts_of(run: Run) -> Array:
-    """Return the starts (N, p), SI, the same for every estimator, so that they compare."""
-    choice = run.study.fit
-    return perturbed_starts(run.robot.parameters, choice.starts, choice.decades, run.rng("starts"))
-
-
 def fit(
     run: Run,
     estimator: Estimator,
@@ -124,10 +116,7 @@ def fit(
         "minimiser": choice.minimiser,
         "starts": starts.tolist(),
     }
-    if (prior := prior_of(run)) is not None:  # not of a digest without one
-        inputs["prior"] = dict(zip(prior.names, prior.std.tolist(), strict=True))
-        if prior.correlation is not None:
-            inputs["prior correlation"] = prior.correlation.tolist()
+    inputs |= run.prior_key
     return run.stages.run(f"fit-{estimator.name}", inputs, compute, Files(_save, load))
 
 
@@ -152,22 +141,11 @@ def _runs(
         store=store,
         minimiser=minimiser,
         tolerance=_TOLERANCE[minimiser],
-        prior=prior_of(run),
+        prior=run.prior,
     )
     if not np.isfinite(runs[0].cost):
         raise SolverFailed(f"fit: no start of {estimator.name} led to an answer; {runs[0].message}")
     return runs
-
-
-def prior_of(run: Run) -> Prior | None:
-    """Return the prior that the study asks for.
-
-    Raises
-    ------
-    InvalidInput
-        If its robot file holds none.
-    """
-    return robot_prior(run.robot) if run.study.fit.prior == "robot" else None
 
 
 def positions_of(

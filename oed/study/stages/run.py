@@ -11,6 +11,9 @@ from typing import Any, Literal
 
 import numpy as np
 
+from estimators.fitting.fitted_robot import robot_prior
+from estimators.fitting.multistart import perturbed_starts
+from estimators.fitting.priors import Prior
 from estimators.frf.file_formats import read_records
 from oed.study.settings.candidates_settings import CandidatesChoice
 from oed.study.settings.study_file import Frequencies, Study
@@ -75,6 +78,34 @@ class Run:
     def robot_digest(self) -> str:
         """Content of the robot file."""
         return robot_digest(self.robot)
+
+    @cached_property
+    def starts(self) -> Array:
+        """Starts of searches, (N, p), SI, the same for every estimator, so that they compare."""
+        choice = self.study.fit
+        rng = self.rng("starts")
+        return perturbed_starts(self.robot.parameters, choice.starts, choice.decades, rng)
+
+    @cached_property
+    def prior(self) -> Prior | None:
+        """Prior that the study asks for.
+
+        Raises
+        ------
+        InvalidInput
+            If its robot file holds none.
+        """
+        return robot_prior(self.robot) if self.study.fit.prior == "robot" else None
+
+    @property
+    def prior_key(self) -> dict[str, Any]:
+        """Plain data that stand for the prior in the keys of stages; nothing without one."""
+        if self.prior is None:
+            return {}
+        key = {"prior": dict(zip(self.prior.names, self.prior.std.tolist(), strict=True))}
+        if self.prior.correlation is None:
+            return key
+        return {**key, "prior correlation": self.prior.correlation.tolist()}
 
 
 @dataclass(frozen=True, eq=False)
