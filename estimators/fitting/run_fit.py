@@ -11,7 +11,7 @@ from estimators.input_output.coulomb import CoulombPart
 from estimators.input_output.run_scatter import variance_factor
 from estimators.input_output.run_spectra import RunSpectra
 from estimators.trust.trust import Trust
-from robotmodels.common.arrays import Array
+from robotmodels.common.arrays import Array, IntArray
 
 if TYPE_CHECKING:
     from robotmodels.elastic.robot import ElasticRobot
@@ -26,7 +26,7 @@ class FrictionLevel:
     motor : str
         Its name.
     level : float
-        Mean over positions.
+        Mean over positions; not a number, as all else, where it is at rest in all of them.
     std : float
         Standard deviation of the mean.
     lowest, highest : float
@@ -82,51 +82,56 @@ class RunFit(FittedModel):
 
     @property
     def coulomb(self) -> Array | None:
-        """Levels of the motors' Coulomb friction in each position, (Q, n) [N m], if fitted."""
+        """Levels of the motors' Coulomb friction in each position, (Q, n) [N m], if fitted.
+
+        Not a number where the motor is at rest.
+        """
         if self.data.coulomb is None:
             return None
         part = self.problem.errors(self.parameters.values).eliminated
         assert isinstance(part, CoulombPart)
-        return self.data.coulomb.levels + part.levels
+        return np.where(part.seen, self.data.coulomb.levels + part.levels, np.nan)
 
     def friction_levels(self, covariance: Array) -> tuple[FrictionLevel, ...]:
         """Return the level of each motor's Coulomb friction; none where it is not fitted.
 
-        Standard deviations come from the noise, the errors of the parameters included, or from the
-        scatter over positions where that is larger.
+        Standard deviations come from the noise, as large as the cost tells it is, and the errors of
+        the parameters; or from the scatter over positions where that is larger.
 
         Parameters
         ----------
         covariance : ndarray, (p, p)
             Covariance of ln theta.
         """
-        levels = self.coulomb
-        if levels is None:
+        if self.coulomb is None:
             return ()
+        levels = np.ma.masked_invalid(self.coulomb)
         file = getattr(self.model, "file", None)
         names = [f"motor {i + 1}" for i in range(levels.shape[1])]
         stated: list[float | None] = [None] * len(names)
         if file is not None:
             names, stated = zip(*((one.name, one.coulomb) for one in file.motors), strict=True)
-        std = np.sqrt(np.diag(self._covariance_of_mean_levels(covariance)))
-        if len(levels) > 1:
-            std = np.maximum(std, levels.std(axis=0, ddof=1) / np.sqrt(len(levels)))
-        numbers = levels.mean(axis=0), std, levels.min(axis=0), levels.max(axis=0)
-        columns = zip(names, *(column.tolist() for column in numbers), stated, strict=True)
-        return tuple(FrictionLevel(*column) for column in columns)
+        count = levels.count(axis=0)
+        std = np.sqrt(np.diag(self._covariance_of_mean_levels(covariance, count)))
+        scatter = np.ma.filled(levels.std(axis=0, ddof=1) / np.sqrt(count), 0.0)
+        mean, low, high = levels.mean(axis=0), levels.min(axis=0), levels.max(axis=0)
+        columns = (mean, np.ma.array(np.maximum(std, scatter), mask=count == 0), low, high)
+        numbers = (np.ma.filled(column, np.nan).tolist() for column in columns)
+        return tuple(map(FrictionLevel, names, *numbers, stated))
 
-    def _covariance_of_mean_levels(self, covariance: Array) -> Array:
-        """Return the covariance of levels, means over positions, by the noise (n, n)."""
+    def _covariance_of_mean_levels(self, covariance: Array, count: IntArray) -> Array:
+        """Return the covariance of means over `count` (n,) positions by the noise, (n, n)."""
         problem, values = self.problem, self.parameters.values
         response, jacobian = problem.derived(values)
         errors = problem.errors(values, response)
         part = errors.eliminated
         assert isinstance(part, CoulombPart)
         changes = problem.likelihood.whitened_changes(errors, jacobian)
-        slopes = part.levels_of(changes).mean(axis=0)
+        slopes = part.levels_of(changes).sum(axis=0)
         factor = variance_factor(self.data.degrees_of_freedom, problem.rows)[:, None, None]
-        alone = (factor * part.covariance).sum(axis=0) / len(factor) ** 2
-        return np.asarray(alone + slopes @ covariance @ slopes.T)
+        total = (factor * part.covariance).sum(axis=0) + slopes @ covariance @ slopes.T
+        inflation = max(self.cost / self.expected_cost, 1.0)
+        return np.asarray(inflation * total / np.maximum(np.outer(count, count), 1))
 
     def robot(self, trust: Trust | None = None, covariance: Array | None = None) -> "ElasticRobot":
         """Return the robot with the fitted values, and the mean levels of friction if fitted.
@@ -135,8 +140,11 @@ class RunFit(FittedModel):
         """
         from robotmodels.exports.robot_files import with_friction
 
-        robot, levels = super().robot(trust, covariance), self.coulomb
-        return robot if levels is None else with_friction(robot, levels.mean(axis=0))
+        robot = super().robot(trust, covariance)
+        if self.coulomb is None:
+            return robot
+        levels = np.ma.masked_invalid(self.coulomb).mean(axis=0)
+        return with_friction(robot, np.ma.filled(levels, np.nan))
 
     @property
     def expected_cost(self) -> float:

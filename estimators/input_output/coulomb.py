@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estimators.input_output.free_response import FreePart
-from robotmodels.common.arrays import Array, ComplexArray, IntArray
+from robotmodels.common.arrays import Array, BoolArray, ComplexArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +95,11 @@ class CoulombPart:
     def levels(self) -> Array:
         """Levels that explain the errors best, beside those taken off before, (Q, n) [N m]."""
         return self.span.amplitudes[..., 0]
+
+    @property
+    def seen(self) -> BoolArray:
+        """Whether the runs show a level, (Q, n); motors at rest do not."""
+        return np.asarray(self.span.inverse.any(axis=2))
 
     @property
     def covariance(self) -> Array:

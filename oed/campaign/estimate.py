@@ -179,7 +179,7 @@ def estimate(
     options: dict[str, Any] = {"friction": friction, "prior": prior, "progress": progress}
     with collected_warnings():  # said by visit
         fit, searches = settled_fit(robot, records, starts, "detection", weak=True, **options)
-    theorem1 = _covariance(fit)
+    theorem1, same = _covariance(fit), searches[0].cost * (1 + _SAME_COST)
     periods = np.array([visit.plan.periods for visit in visits], dtype=float)
     return Estimate(
         values=fit.parameters.values,
@@ -187,8 +187,7 @@ def estimate(
         covariance=theorem1.covariance,
         trust=fit.trust,
         cost=fit.cost / fit.expected_cost,
-        reached=sum(one.cost <= searches[0].cost * (1 + _SAME_COST) for one in searches)
-        / len(searches),
+        reached=sum(one.cost <= same for one in searches) / len(searches),
         weighting=fit.weighting,
         noise=noise_of_period(fit, periods),
         drift=_drift(fit, visits),

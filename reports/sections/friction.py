@@ -1,5 +1,6 @@
 """Levels of Coulomb friction of motors on a page."""
 
+import math
 from collections.abc import Sequence
 
 from estimators.fitting.run_fit import FrictionLevel
@@ -22,7 +23,7 @@ def friction_table(levels: Sequence[FrictionLevel]) -> Table | None:
 def _row(one: FrictionLevel) -> Row:
     decimals = text.decimals_for(one.std)
     cells = [
-        Number(text.fixed(value, decimals), value)
+        Number(text.fixed(value, decimals) if math.isfinite(value) else "–", value)
         for value in (one.level, one.std, one.lowest, one.highest)
     ]
     if one.in_file is None:

@@ -42,9 +42,15 @@ def with_values(robot: ElasticRobot, values: Array, fitted: Fitted | None = None
 
 
 def with_friction(robot: ElasticRobot, levels: Array) -> ElasticRobot:
-    """Return the robot whose motors have other levels (n,) [N m] of Coulomb friction, 0 at least."""
+    """Return the robot whose motors have other Coulomb friction (n,) [N m], none below 0.
+
+    That of the file stays where `levels` are not numbers.
+    """
     pairs = zip(robot.file.motors, np.maximum(levels, 0.0).tolist(), strict=True)
-    motors = [motor.model_copy(update={"coulomb": level}) for motor, level in pairs]
+    motors = [
+        motor if np.isnan(level) else motor.model_copy(update={"coulomb": level})
+        for motor, level in pairs
+    ]
     return replace(robot, file=robot.file.model_copy(update={"motors": motors}))
 
 

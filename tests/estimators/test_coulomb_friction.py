@@ -1,6 +1,7 @@
 """Coulomb friction of motors in runs: its course against the simulated one, levels, noise."""
 
 import warnings
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -8,8 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 from noisy_runs import SMALL, circular
+from rubbing_arm import LEVELS, rubbing_arm, rubbing_records
 
-from estimators import RunSpectra, covariance, fit, run_spectra, runs_at, settled_runs
+from estimators import (
+    RunSpectra,
+    covariance,
+    fit,
+    run_spectra,
+    runs_at,
+    settled_fit,
+    settled_runs,
+)
 from estimators.input_output.coulomb import CoulombSpectra
 from estimators.input_output.friction_shares import friction_shares
 from estimators.input_output.silent_lines import SilentLines
@@ -18,6 +28,7 @@ from oed.experiment.multisine import band_multisine
 from oed.experiment.run_experiment import SimulatedPlant
 from robotmodels import ElasticRobot, IdentificationWarning, InvalidInput, Records, load_robot
 from robotmodels.description.outputs import Output
+from robotmodels.exports.robot_files import with_values
 from robotmodels.linear.response import frequency_response
 from robotmodels.simulation.controller import default_controller
 from robotmodels.simulation.imperfections import Imperfections
@@ -50,6 +61,12 @@ def simulated(noise: float = 2e-5, friction: float = 1.0, outputs: int = 1) -> R
     faults = Imperfections(angle_noise=np.full(1, noise), friction=friction, nonlinear_gears=False)
     plant = SimulatedPlant(seen, default_controller(robot, 1e-3), faults, rng)
     return plant.measure(plan, 0)
+
+
+@cache
+def settled() -> RunSpectra:
+    """Those runs, settled from the true values."""
+    return settled_runs(rubbing(), simulated(), "detection")
 
 
 def test_course_of_friction_is_the_simulated_one() -> None:
@@ -89,6 +106,69 @@ def test_levels_and_springs_from_wrong_guesses(scale: float) -> None:
     plain = fit(robot, run_spectra(records, "detection"))
     ignored = np.log(plain.parameters.values / truth)
     assert np.abs(ignored).max() > 5 * np.abs(error).max()
+
+
+def test_runs_settle_about_the_best_search_from_wrong_guesses() -> None:
+    """Values off by a factor of two, up or down: the same springs as from true ones."""
+    records, robot = simulated(), rubbing()
+    truth = robot.parameters.values
+    guesses = with_values(robot, truth * 2.0 ** np.array([1, 1, 1, -1, -1, -1]))
+    result, searches = settled_fit(guesses, records, [guesses.parameters.values], "detection")
+    assert len(searches) == 1
+    right = fit(robot, settled())
+    error = np.log(result.parameters.values / right.parameters.values)
+    assert np.abs(error).max() < 1e-3
+    assert result.coulomb == pytest.approx(right.coulomb, rel=1e-3)
+    # Not so about the guesses alone.
+    near = fit(guesses, settled_runs(guesses, records, "detection"))
+    alone = np.log(near.parameters.values / right.parameters.values)
+    assert np.abs(alone).max() > 5e-3
+    (level,) = result.friction_levels(covariance(result).covariance)
+    assert (level.motor, level.in_file) == ("m1", LEVEL)
+    assert level.level == level.lowest == level.highest == result.coulomb
+    written = result.robot().file.motors[0]
+    assert written.coulomb == level.level
+
+
+def _one_period(records: Records) -> Records:
+    names = ("torque", "angle", "reference", "saturated")
+    return replace(records, **{name: getattr(records, name)[:, :, :, :1] for name in names})
+
+
+def _late(records: Records) -> Records:
+    """Return the records with angles that are a sample late."""
+    flat = records.angle.reshape(*records.angle.shape[:3], -1, records.angle.shape[-1])
+    return replace(records, angle=np.roll(flat, 1, axis=3).reshape(records.angle.shape))
+
+
+def _measured(records: Records) -> Records:
+    """Return the records with torques as a sensor sees them, beside those commanded."""
+    omega = 2 * np.pi * np.arange(1, records.samples // 2 + 1) / records.samples
+    hold = np.append(1.0, (1 - np.exp(-1j * omega)) / (1j * omega))
+    spectra = np.fft.rfft(records.torque, axis=4) * hold[:, None]
+    seen = np.fft.irfft(spectra, records.samples, axis=4)
+    return replace(records, torque=seen, command=records.torque)
+
+
+@pytest.mark.parametrize(
+    ("change", "width", "options"),
+    [
+        (lambda records: records, 0.0, {}),
+        (lambda records: records, 0.2, {}),
+        (_one_period, 0.0, {}),
+        (_late, 0.0, {"delay": 1e-3}),
+        (_measured, 0.0, {}),
+    ],
+    ids=["sharp", "tanh", "one period", "late angles", "measured torques"],
+)
+def test_levels_of_three_coupled_motors(
+    change: Callable[[Records], Records], width: float, options: dict[str, Any]
+) -> None:
+    robot, records = rubbing_arm(width), change(rubbing_records(width))
+    result = fit(robot, settled_runs(robot, records, "detection", **options))
+    assert result.coulomb == pytest.approx(LEVELS[None], rel=0.01)
+    error = np.log(result.parameters.values / robot.parameters.values)
+    assert (np.abs(error) < 4 * np.maximum(result.trust.std, 1e-3)).all()
 
 
 def test_no_friction_has_no_level() -> None:
@@ -157,6 +237,7 @@ def test_intervals_with_friction_cover() -> None:
     rng = np.random.default_rng(4)
     q, f, _, n = SMALL.response.shape
     levels, squares, costs, ignored = np.full((q, n), 0.4), [], [], []
+    means = []
     for _ in range(25):
         data = SMALL.runs(rng, 2)
         shares = circular(rng, q, 2, f, n)
@@ -170,8 +251,9 @@ def test_intervals_with_friction_cover() -> None:
         )
         result = fit(SMALL.model, with_friction, start=SMALL.truth)
         error = np.log(result.parameters.values / SMALL.truth)
-        information = np.linalg.inv(covariance(result).covariance)
-        squares.append(error @ information @ error / len(error))
+        matrix = covariance(result).covariance
+        squares.append(error @ np.linalg.inv(matrix) @ error / len(error))
+        means.append([(one.level - 0.4) / one.std for one in result.friction_levels(matrix)])
         costs.append(result.cost / result.expected_cost)
         assert result.coulomb == pytest.approx(levels, abs=0.15)
         left = fit(SMALL.model, replace(with_friction, coulomb=None), start=SMALL.truth)
@@ -179,15 +261,15 @@ def test_intervals_with_friction_cover() -> None:
     assert np.mean(squares) == pytest.approx(1, abs=5 / np.sqrt(25 * len(error) / 2))
     assert np.mean(costs) == pytest.approx(1, abs=0.05)
     assert np.mean(ignored) > 2
+    assert 0.6 < np.sqrt(np.mean(np.square(means))) < 1.3
 
 
 def test_runs_at_values_are_those_that_settle() -> None:
     records, robot = simulated(), rubbing()
-    settled = settled_runs(robot, records, "detection")
-    result = fit(robot, settled)
+    result = fit(robot, settled())
     again = runs_at(robot, records, result.parameters.values, "detection")
     assert isinstance(again, RunSpectra)
-    assert again.inputs == pytest.approx(settled.inputs, rel=1e-2, abs=1e-4)
+    assert again.inputs == pytest.approx(settled().inputs, rel=1e-2, abs=1e-4)
 
 
 def test_friction_is_refused_where_it_cannot_be_told() -> None:
@@ -203,6 +285,22 @@ def test_friction_is_refused_where_it_cannot_be_told() -> None:
         run_spectra(records, "detection", friction=rubbing(torque_lag=1e-3))
     with pytest.raises(InvalidInput):
         run_spectra(records, "detection", friction=load_robot("ur10"))
+
+
+def test_motors_at_rest_have_no_level() -> None:
+    """The robot file keeps its own; the others are estimated as before."""
+    robot, records = rubbing_arm(), rubbing_records()
+    noise = np.random.default_rng(5).normal(0, 1e-6, records.angle.shape[:-1])
+    angle = np.concatenate([records.angle[..., :2], noise[..., None]], axis=-1)
+    with pytest.warns(IdentificationWarning, match="motor 3 rests or turns around in 100 %"):
+        data = runs_at(robot, replace(records, angle=angle), robot.parameters.values, "detection")
+    result = fit(robot, data, max_evaluations=1)
+    first, second, third = result.friction_levels(covariance(result).covariance)
+    assert np.isnan([third.level, third.std, third.lowest, third.highest]).all()
+    assert np.isfinite([first.level, first.std, second.level, second.std]).all()
+    written = result.robot().file.motors
+    assert written[2].coulomb == LEVELS[2]
+    assert written[1].coulomb == max(second.level, 0)
 
 
 def test_motors_at_rest_are_warned_of() -> None:
