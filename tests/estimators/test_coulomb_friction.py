@@ -261,6 +261,8 @@ def test_intervals_with_friction_cover() -> None:
     assert np.mean(squares) == pytest.approx(1, abs=5 / np.sqrt(25 * len(error) / 2))
     assert np.mean(costs) == pytest.approx(1, abs=0.05)
     assert np.mean(ignored) > 2
+    numbers = data.outputs[0].size - n / 2  # each level takes half of one
+    assert result.problem.expected_squares == pytest.approx(np.full(q, numbers))
     assert 0.6 < np.sqrt(np.mean(np.square(means))) < 1.3
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from noisy_runs import MODEL, TRUTH, noisy_runs
 from scipy.stats import chi2, ks_1samp, norm, t as student
 from trust_cells import Cell, linearisation_of, one_step, simulate
 
@@ -170,6 +171,20 @@ def test_a_directed_test_is_a_refit_with_one_more_parameter(nu):
     moved = int(test.moved[0])
     shift = np.abs(fit.shifts(column)[moved, 0]) * 5.3 * test.std[0] / std[moved]
     assert test.shift[0] == pytest.approx(shift)
+
+
+@pytest.mark.parametrize(("gain", "noise"), [(5e-5, 1e-6), (0.02, 1e-3)])
+def test_shifts_by_errors_of_the_model_are_those_of_refits(gain, noise):
+    """Against the estimates by the same noise without the error; none if no test fires."""
+    data = noisy_runs(np.random.default_rng(1), 2, noise, noise)
+    factors = np.where(np.arange(data.inputs.shape[3]) == 0, 1 + gain, 1.0)
+    right = estimators.fit(MODEL, data, start=TRUTH)
+    wrong = estimators.fit(MODEL, replace(data, inputs=data.inputs * factors), start=TRUTH)
+    assert wrong.verdict == "model error"
+    moved = np.abs(np.log(wrong.parameters.values / right.parameters.values))
+    assert (wrong.trust.model_error > 0.85 * moved).all()
+    assert wrong.trust.model_error.max() < 2 * moved.max()
+    assert not right.trust.model_error.any()
 
 
 def test_directions_of_the_parameters_are_not_tested():

@@ -219,7 +219,7 @@ def test_guesses_of_the_file_are_none_after_a_fit() -> None:
     guessed = replace(
         robot, file=robot.file.model_copy(update={"guessed": dict.fromkeys(names, 0.5)})
     )
-    latest: Any = SimpleNamespace(values=2 * robot.parameters.values)
+    latest: Any = SimpleNamespace(values=2 * robot.parameters.values, friction=())
     known = known_now(guessed, latest)
     assert not known.file.guessed
     np.testing.assert_allclose(known.parameters.values, 2 * robot.parameters.values)

@@ -1,8 +1,9 @@
 """Campaigns that are killed, edited or out of reach, and two terminals at once."""
 
 import os
+import re
 import shutil
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,13 +12,22 @@ from axis_campaign import TRUTH, change, run_open, write_campaign
 from killed import killed_at_moments
 
 from estimators import run_spectra
+from estimators.fitting.run_fit import FrictionLevel
 from oed import Campaign
 from oed.campaign.history import History
+from oed.campaign.planning import known_now
+from oed.campaign.status import CampaignStatus
+from oed.campaign.visit_plan import fair_torques, line_grid
 from oed.campaign.visits import VisitFolder
 from oed.experiment.experiment_plan import ExperimentPlan
+from oed.experiment.loop_settings import LimitChoice
+from oed.experiment.prepare import friction_of
+from reports.pages.campaign_page import write_campaign_page
+from reports.summaries.campaign_summary import remarks, status_json, status_text
 from robotmodels import InvalidInput, Records, load_robot
 from robotmodels.common.atomic_files import exclusive_folder
 from robotmodels.common.fingerprints import folder_digest
+from robotmodels.exports.robot_files import with_friction
 
 LIBRARIES = ("oed.campaign.campaign",)
 
@@ -234,6 +244,78 @@ def test_reached_is_in_doubt_where_the_model_or_the_robot_is(fitted: Path) -> No
         doubtful = replace(status, estimate=replace(status.estimate, **changes))
         assert doubtful.state == "in doubt"
         assert words in doubtful.estimate.doubts(status.targets)[0]
+
+
+def test_small_errors_of_the_model_leave_accuracies_reached(fitted: Path) -> None:
+    """Told in a line; not so if they may move a parameter by as much as its target allows."""
+    status = Campaign.load(fitted).status()
+    estimate = status.estimate
+    assert estimate is not None
+    tests = estimate.trust.tests
+    i = int(np.abs(tests.shifts).max(axis=1).argmax())
+    unit = np.where(np.arange(len(tests.names)) == i, 1.0, 0.0)
+    room = (status.targets - estimate.std) / np.abs(tests.shifts[i])
+
+    def with_error(size: float) -> CampaignStatus:
+        fired = replace(tests, probabilities=1 - unit, estimates=size * room.min() * unit)
+        names = estimate.trust.names
+        wrong = ("model error",) * len(names), (f"{tests.names[i]} is off",) * len(names)
+        trust = replace(estimate.trust, verdicts=wrong[0], reasons=wrong[1], tests=fired)
+        return replace(status, estimate=replace(estimate, trust=trust))
+
+    small, large = with_error(0.9), with_error(1.1)
+    assert (small.state, large.state) == ("reached", "in doubt")
+    assert not small.estimate.doubts(small.targets)
+    (words,) = remarks(small)
+    assert words.startswith(f"model error: {tests.names[i]} is off; left out, it moves ")
+    assert status_text(small, "campaign.yaml").count("model error") == 1
+    assert remarks(large) == [f"model error: {tests.names[i]} is off"]
+    assert with_error(np.nan).state == "in doubt"
+
+
+def test_friction_is_shown(fitted: Path) -> None:
+    """In words, for scripts, on the page and in the identified robot."""
+    campaign = Campaign.load(fitted)
+    status = campaign.status()
+    estimate = status.estimate
+    assert estimate is not None
+    (level,) = estimate.friction
+    assert (level.motor, level.in_file) == ("m1", 0.0)
+    assert abs(level.level) < 0.01  # simulated without
+    rubbing = FrictionLevel("m1", 1.42, 0.01, 1.4, 1.5, 1.2)
+    seen = replace(status, estimate=replace(estimate, friction=(rubbing,)))
+    words = "friction of m1: 1.420 N m (std 0.010; 1.400 to 1.500 over positions; robot file 1.2)"
+    assert words in " ".join(status_text(seen, "campaign.yaml").split())
+    (said,) = status_json(seen, fitted)["friction"]
+    assert said == asdict(rubbing)
+    write_campaign_page(campaign, seen, fitted.parent / "page.html", "campaign.yaml")
+    page = (fitted.parent / "page.html").read_text(encoding="utf-8")
+    (rows,) = re.findall(r'id="friction".*?</table>', page, flags=re.DOTALL)
+    assert [x in rows for x in ("m1", "1.420", "0.010", "1.400", "1.500", "1.2")] == [True] * 6
+    assert campaign.identified(seen.estimate).file.motors[0].coulomb == 1.42
+
+
+def test_plans_heed_the_friction_of_estimates(fitted: Path) -> None:
+    """The highest of a visit with a margin; before it the robot file's, not that of rehearsals."""
+    campaign = Campaign.load(fitted)
+    estimate, settings = campaign.status().estimate, campaign.settings
+    assert settings.imperfections.friction == 0
+    rubbing = with_friction(campaign.robot, np.array([0.7]))
+    assert friction_of(settings, rubbing) == [0.7]
+    assert estimate is not None
+    level = FrictionLevel("m1", 1.42, 0.01, 1.4, 1.5, 1.2)
+    known = known_now(rubbing, replace(estimate, friction=(level,)))
+    assert friction_of(settings, known) == pytest.approx([1.52])
+    at_rest = FrictionLevel("m1", *4 * (np.nan,), 1.2)
+    unseen = known_now(rubbing, replace(estimate, friction=(at_rest,)))
+    assert friction_of(settings, unseen) == [0.7]
+    limited = settings.model_copy(update={"limits": LimitChoice(torque=10.0)})
+    power = np.ones((len(line_grid(limited, 1).lines), 1))
+    free, less = (
+        fair_torques(limited, robot, np.zeros(1), power / len(power))
+        for robot in (with_friction(known, np.zeros(1)), known)
+    )
+    assert less == pytest.approx(free * (10 - 1.52) / 10)
 
 
 def test_costs_and_peaks_of_visits(fitted: Path) -> None:
