@@ -110,7 +110,8 @@ class RunFit(FittedModel):
         names = [f"motor {i + 1}" for i in range(levels.shape[1])]
         stated: list[float | None] = [None] * len(names)
         if file is not None:
-            names, stated = zip(*((one.name, one.coulomb) for one in file.motors), strict=True)
+            names = [motor.name for motor in file.motors]
+            stated = [motor.coulomb for motor in file.motors]
         count = levels.count(axis=0)
         std = np.sqrt(np.diag(self._covariance_of_mean_levels(covariance, count)))
         scatter = np.ma.filled(levels.std(axis=0, ddof=1) / np.sqrt(count), 0.0)

@@ -78,26 +78,18 @@ def identify(
     Example: oed identify manutec_r3 out/manutec_r3_experiment/records.h5
     """
     one_thread_each()
-    from estimators import check_rigid_runs, covariance, multistart, read_records, settled_fit
+    from estimators import covariance, read_records
     from estimators.frf.frf_from_records import collected_warnings
     from robotmodels import save_robot
-    from robotmodels.common.errors import naming
 
     runs = {path: read_records(path) for path in records}
     model = _model(robot, [*runs.values()], coulomb, friction)
     with collected_warnings() as warnings:
         loops = _torque_loops(model, *next(iter(runs.items())))
         options: dict[str, Any] = {"noise": noise, "delay": delay, "hold": hold, "states": states}
-        data, begun = _joined(runs, **options), _starts(model, starts, decades)
-        with naming(_files(records)):
-            if friction:
-                every = [*runs.values()]
-                fit, fits = settled_fit(model, every, begun, weights=rows, **options)
-            else:
-                fits = multistart(model, data, begun, weights=rows)
-                fit = fits[0]
-            check_rigid_runs(fit.data, model)  # after the fit has refused data of other robots
-    reached = sum(other.cost <= fits[0].cost * (1 + 1e-6) for other in fits)
+        begun = _starts(model, starts, decades)
+        fit, searches = _fit(model, runs, begun, rows, friction, **options)
+    reached = sum(other.cost <= searches[0].cost * (1 + 1e-6) for other in searches)
     target = (output or records[0].parent) / f"{model.name}_identified.yaml"
     uncertainty = covariance(fit).covariance
     levels = fit.friction_levels(uncertainty)
@@ -108,6 +100,29 @@ def identify(
         lambda: {**_json(fit, levels, reached, target), "torque_loop": loops[1]},
         as_json,
     )
+
+
+def _fit(
+    model: "ElasticRobot",
+    runs: "Mapping[Path, RecordsOfRuns]",
+    starts: "Array",
+    rows: str,
+    friction: bool,
+    **options: Any,
+) -> "tuple[RunFit, tuple[RunFit, ...]]":
+    """Return the fit to the records of all files and the searches from `starts`, the best first."""
+    from estimators import check_rigid_runs, multistart, settled_fit
+    from robotmodels.common.errors import naming
+
+    data = _joined(runs, **options)
+    with naming(_files([*runs])):
+        if friction:
+            fit, searches = settled_fit(model, [*runs.values()], starts, weights=rows, **options)
+        else:
+            searches = multistart(model, data, starts, weights=rows)
+            fit = searches[0]
+        check_rigid_runs(fit.data, model)  # after the fit has refused data of other robots
+    return fit, searches
 
 
 def _starts(model: "ElasticRobot", count: int, decades: float) -> "Array":
