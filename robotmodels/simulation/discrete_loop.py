@@ -137,8 +137,8 @@ def zero_order_hold(model: LinearModel, time: float) -> Array:
 
     system = first_order_system(model)
     plant = len(system)
-    held = np.vstack([system, np.zeros((model.inputs, system.shape[1]))])
-    return np.asarray(expm(held * time)[:plant])
+    system = np.vstack([system, np.zeros((model.inputs, system.shape[1]))])
+    return np.asarray(expm(system * time)[:plant])
 
 
 def first_order_system(model: LinearModel) -> Array:

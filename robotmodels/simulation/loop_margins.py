@@ -107,7 +107,7 @@ def _margins(model: LinearModel, feedback: LinearFeedback) -> tuple[object, ...]
     time, n = feedback.sample_time, model.inputs
     plant = loop_plant(model, time)
     poles = loop_poles(plant, feedback)
-    own = np.linalg.eigvals(plant.A), np.linalg.eigvals(feedback.A)
+    open_loop = np.linalg.eigvals(plant.A), np.linalg.eigvals(feedback.A)
     size = np.abs(poles).max() - 1 if time is not None else poles.real.max()
     growth = size if time is None else np.log1p(size) / time
     if not size <= _STABLE:
@@ -119,7 +119,7 @@ def _margins(model: LinearModel, feedback: LinearFeedback) -> tuple[object, ...]
     def sensitivity(omega: Array) -> ComplexArray:
         return np.asarray(np.linalg.inv(eye + feedback.response(omega) @ respond(omega)))
 
-    every = np.concatenate([poles, *own]).astype(complex)
+    every = np.concatenate([poles, *open_loop]).astype(complex)
     omega, S = _refined(sensitivity, _frequencies(every, time))
     diagonal = np.diagonal(S, axis1=1, axis2=2)
     loops = [_of_loop(omega, s) for s in diagonal.T]

@@ -75,11 +75,11 @@ def loop_plant(model: LinearModel, time: float | None) -> LoopPlant:
         return LoopPlant(system[:, :size], system[:, size:], none, C, zero, delay, None)
     whole = np.floor(delay / time + 1e-9).astype(int)
     parts = np.maximum(delay / time - whole, 0.0)
-    held = zero_order_hold(model, time)
-    B0 = held[:, size:].copy()
+    over_sample = zero_order_hold(model, time)
+    B0 = over_sample[:, size:].copy()
     for i in np.flatnonzero(parts > 1e-9):  # a torque arrives within a sample
         B0[:, i] = zero_order_hold(model, (1 - parts[i]) * time)[:, size + i]
-    return LoopPlant(held[:, :size], B0, held[:, size:] - B0, C, whole, delay, time)
+    return LoopPlant(over_sample[:, :size], B0, over_sample[:, size:] - B0, C, whole, delay, time)
 
 
 def loop_poles(plant: LoopPlant, feedback: LinearFeedback) -> ComplexArray:
