@@ -8,12 +8,15 @@ import numpy as np
 
 from estimators.trust.line_scatter import Scatter
 from estimators.uncertainty.covariance import Uncertainty
-from robotmodels.common.arrays import Array, ComplexArray, check_level
+from robotmodels.common.arrays import Array, BoolArray, ComplexArray, check_level
 from robotmodels.common.errors import InvalidInput
 from robotmodels.linear.response import by_ln_theta
 
 DRAWS = 400
 """Draws that are evaluated at most: quantiles of a 95 % interval to about a tenth of its width."""
+
+_ROUNDING = 1e-13
+"""Of responses, beside the largest one."""
 
 Spread = Uncertainty | Array
 """A covariance of ln theta, for the delta method, or draws (N, p) of it."""
@@ -72,8 +75,7 @@ def delta_band(
     The logarithm is taken as linear in ln theta. Of several degrees of freedom the mean counts,
     parameters weighed by what they alone add to the variance.
     """
-    zero = values == 0
-    relative = np.where(zero[..., None], 0.0, slope) / np.where(zero, 1.0, values)[..., None]
+    relative = relative_slope(values, slope)
     std, phase = (
         np.sqrt(np.maximum(np.einsum("...p,pr,...r->...", g, spread.covariance, g), 0.0))
         for g in (relative.real, relative.imag)
@@ -86,11 +88,24 @@ def delta_band(
     return Band(std, phase, np.abs(values) / ends, np.abs(values) * ends)
 
 
+def relative_slope(values: Array | ComplexArray, slope: Array | ComplexArray) -> Any:
+    """Return derivatives (..., p) of ln(values); zero where values are no more than rounding."""
+    zero = is_rounding(values)
+    return np.where(zero[..., None], 0.0, slope) / np.where(zero, 1.0, values)[..., None]
+
+
 def draw_band(values: Array | ComplexArray, drawn: Array | ComplexArray, level: float) -> Band:
     """Return the band of values (...) by those of draws (N, ...)."""
-    ratio = np.log(np.where(values == 0, 1.0, drawn / np.where(values == 0, 1.0, values)) + 0j)
+    zero = is_rounding(values)
+    ratio = np.log(np.where(zero, 1.0, drawn / np.where(zero, 1.0, values)) + 0j)
     ends = np.quantile(np.abs(drawn), [(1 - level) / 2, (1 + level) / 2], axis=0)
     return Band(ratio.real.std(axis=0, ddof=1), ratio.imag.std(axis=0, ddof=1), *ends)
+
+
+def is_rounding(values: Array | ComplexArray) -> BoolArray:
+    """Return a mask of values that are zero beside the largest one, by symmetry as a rule."""
+    sizes = np.abs(values)
+    return np.asarray(sizes <= _ROUNDING * np.nanmax(sizes, initial=0.0))
 
 
 def checked_spread(names: tuple[str, ...], spread: Spread, level: float) -> Spread:

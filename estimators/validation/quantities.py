@@ -9,8 +9,9 @@ from typing import Any, Literal, Protocol, cast
 
 import numpy as np
 
+from estimators.validation.bands import relative_slope
 from robotmodels.common.arrays import Array, ComplexArray, real_numbers
-from robotmodels.common.errors import InvalidInput, SolverFailed, nearest
+from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.elastic.tool_response import (
     Frame,
     Motion,
@@ -21,7 +22,7 @@ from robotmodels.elastic.tool_response import (
     underlying_robot,
 )
 from robotmodels.linear.linear_model import LinearModel
-from robotmodels.linear.modes import DampedModes, clamped, damped_modes, resonances
+from robotmodels.linear.modes import clamped, damped_modes, resonances
 from robotmodels.linear.response import Elastic, by_ln_theta
 
 
@@ -126,22 +127,14 @@ class DampingRatios:
     motors: Literal["clamped", "free"] = "clamped"
 
     def __call__(self, model: Elastic, positions: Array, parameters: Array) -> Array:
-        """Return damping ratios, (Q, count) [-].
-
-        Raises
-        ------
-        SolverFailed
-            If fewer modes than `count` oscillate.
-        """
+        """Return damping ratios, (Q, count) [-]; not a number where fewer modes oscillate."""
         linear = _linear_model(model, positions, parameters, self.motors)
-        rows = [self._of(damped_modes(linear.at(i))) for i in range(len(linear.mass))]
-        return np.array(rows)
-
-    def _of(self, modes: DampedModes) -> Array:
-        ratios = modes.damping_ratios[modes.poles.imag > 0][: self.count]
-        if len(ratios) < self.count:
-            raise SolverFailed(f"damping ratios: only {len(ratios)} modes oscillate")
-        return np.asarray(ratios)
+        rows = np.full((len(linear.mass), self.count), np.nan)
+        for i, row in enumerate(rows):
+            modes = damped_modes(linear.at(i))
+            ratios = modes.damping_ratios[modes.poles.imag > 0][: self.count]
+            row[: len(ratios)] = ratios
+        return rows
 
 
 def _linear_model(model: Elastic, positions: Array, parameters: Array, motors: str) -> LinearModel:
@@ -197,9 +190,7 @@ def log_gradients(
     theta = model.parameters.check(parameters)
     values: Any = evaluated(model, at, theta)
     slope = by_ln_theta(lambda x: cast(Array, evaluated(model, at, x)), theta)
-    zero = np.asarray(values == 0)
-    ratio = slope / np.where(zero, 1.0, values)[..., None]
-    return np.asarray(np.where(zero[..., None], 0.0, ratio))
+    return np.asarray(relative_slope(values, slope))
 
 
 def unit_vector(direction: tuple[float, float, float]) -> Array:

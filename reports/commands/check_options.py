@@ -23,7 +23,7 @@ def read_position(robot: ElasticRobot, words: str | None) -> Array:
     limits = robot.position_limits
     if words is None:
         return np.asarray(limits.mean(axis=1))
-    values = _numbers("--position", words, "0,-90")
+    values = read_numbers("--position", words, "0,-90")
     joints = robot.motor_joints
     if len(values) != len(joints):
         raise InvalidInput(
@@ -43,7 +43,7 @@ def read_position(robot: ElasticRobot, words: str | None) -> Array:
     return np.array([value * factor for value, (_, factor) in zip(values, units, strict=True)])
 
 
-def read_band(words: str) -> tuple[float, float]:
+def read_band(words: str, option: str = "--band") -> tuple[float, float]:
     """Return the lowest and highest angular frequency [rad/s] from ``LOW,HIGH`` in Hz.
 
     Raises
@@ -51,13 +51,14 @@ def read_band(words: str) -> tuple[float, float]:
     InvalidInput
         If these are not two rising positive numbers.
     """
-    frequencies = _numbers("--band", words, "2,80")
+    frequencies = read_numbers(option, words, "2,80")
     if len(frequencies) != 2:
-        raise InvalidInput(f"--band: {len(frequencies)} given, two are needed: LOW,HIGH in Hz")
+        raise InvalidInput(f"{option}: {len(frequencies)} given, two are needed: LOW,HIGH in Hz")
     low, high = frequencies
     if not 0 < low < high < np.inf:
         raise InvalidInput(
-            f"--band: {low:g} to {high:g} Hz; two positive frequencies are needed, the lower first"
+            f"{option}: {low:g} to {high:g} Hz; two positive frequencies are needed, the lower "
+            "first"
         )
     return 2 * np.pi * low, 2 * np.pi * high
 
@@ -86,7 +87,14 @@ def locked_followers(robot: ElasticRobot) -> list[Suspicion]:
     ]
 
 
-def _numbers(option: str, words: str, example: str) -> list[float]:
+def read_numbers(option: str, words: str, example: str) -> list[float]:
+    """Return numbers of an option, parted by commas.
+
+    Raises
+    ------
+    InvalidInput
+        If a word is no number.
+    """
     try:
         return [float(word) for word in words.split(",")]
     except ValueError:

@@ -65,7 +65,7 @@ def export(
     one_thread_each()
     from oed.study.pipeline import fit_study
 
-    results = compute_study(Path(source), fit_study, workers, False) if _is_study(source) else None
+    results = compute_study(Path(source), fit_study, workers, False) if is_study(source) else None
     model = _of_robot(source) if results is None else _of_study(results)
     if position:
         model = _at(model, position)
@@ -160,17 +160,22 @@ def _range(files: list[Path]) -> str:
     return str(files[0]) + (f" and {files[1]} to {files[-1].name}" if len(files) > 1 else "")
 
 
-def _is_study(source: str) -> bool:
+def is_study(source: str) -> bool:
     """Whether a name is that of a study file, by what the file says of itself."""
-    from robotmodels.common.yaml_files import MOST_CHARACTERS, read_text, yaml_document
-
     path = Path(source)
     if path.suffix not in (".yaml", ".yml") or not os.path.isfile(path):
         return os.path.isdir(path) and os.path.isfile(path / "study.yaml")
+    return stated_schema(path).startswith("study/")
+
+
+def stated_schema(path: Path) -> str:
+    """Return the schema that a YAML file says it has, nothing if it says none."""
+    from robotmodels.common.yaml_files import MOST_CHARACTERS, read_text, yaml_document
+
     text = read_text(path, MOST_CHARACTERS, "a study or a robot file")
     content = yaml_document(text, str(path), "a study or a robot file").content
     schema = content.get("schema") if isinstance(content, dict) else None
-    return isinstance(schema, str) and schema.startswith("study/")
+    return schema if isinstance(schema, str) else ""
 
 
 def _file_name(robot: "ElasticRobot") -> str:

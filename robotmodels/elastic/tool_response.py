@@ -90,10 +90,13 @@ class ToolModel:
         With leading axis Q.
     jacobian : ndarray, (Q, 6, d)
         Displacement [m] and rotation [rad] of the frame per coordinate.
+    point : ndarray, (Q, 3), m
+        Where the frame is, in the base's axes.
     """
 
     model: LinearModel
     jacobian: Array
+    point: Array
 
     def compliance(self) -> Array:
         """Return the static compliance with clamped motors, (Q, 6, 6) [m/N, rad/N, rad/(N m)]."""
@@ -166,12 +169,15 @@ def tool_model(
     at = elastic.equilibrium(positions, theta)
     model, coordinates = elastic.network_about(at, theta).linear_model(), at.coordinates
     jacobian = np.zeros((len(coordinates), 6, model.mass.shape[-1]))
-    jacobian[..., : coordinates.shape[1]] = _jacobians(elastic, frame, coordinates, theta)
-    return ToolModel(model, jacobian)
+    of_arm, points = _kinematics(elastic, frame, coordinates, theta)
+    jacobian[..., : coordinates.shape[1]] = of_arm
+    return ToolModel(model, jacobian, points)
 
 
-def _jacobians(robot: ElasticRobot, frame: Frame, coordinates: Array, theta: Array) -> Array:
-    """Return the frame's Jacobians at the arm's `coordinates` (Q, arm size), (Q, 6, arm size)."""
+def _kinematics(
+    robot: ElasticRobot, frame: Frame, coordinates: Array, theta: Array
+) -> tuple[Array, Array]:
+    """Return Jacobians (Q, 6, arm size) and positions (Q, 3) at the arm's `coordinates`."""
     sensor = Output(
         name="frame",
         link=frame.link,
@@ -183,13 +189,15 @@ def _jacobians(robot: ElasticRobot, frame: Frame, coordinates: Array, theta: Arr
     arm = build_arm(file, robot.rigid, robot.couplings)
     axes = pin.LOCAL if frame.axes == "link" else pin.LOCAL_WORLD_ALIGNED
     data, index = arm.model.createData(), arm.model.getFrameId(sensor.label, pin.OP_FRAME)
-    joints = arm.joints(coordinates)
-    # Pinocchio returns a vector where there is but one joint.
-    rows = np.array(
-        [pin.computeFrameJacobian(arm.model, data, q, index, axes).reshape(6, -1) for q in joints]
-    )
-    reduction = arm.coordinate_map
-    return rows if reduction is None else np.asarray(rows @ reduction.matrix)
+    rows, points = [], []
+    for q in arm.joints(coordinates):
+        # Pinocchio returns a vector where there is but one joint.
+        rows.append(pin.computeFrameJacobian(arm.model, data, q, index, axes).reshape(6, -1))
+        points.append(pin.updateFramePlacement(arm.model, data, index).translation.copy())
+    jacobians, reduction = np.array(rows), arm.coordinate_map
+    if reduction is not None:
+        jacobians = np.asarray(jacobians @ reduction.matrix)
+    return jacobians, np.array(points)
 
 
 @dataclass(frozen=True, eq=False)

@@ -97,6 +97,7 @@ def test_responses_are_those_of_mujocos_matrices(name):
     for i, position in enumerate(positions):
         q = judge.equilibrium(position, {})
         J, R = site_jacobian(judge, q)
+        np.testing.assert_allclose(free.point[i], judge.data.site_xpos[0], atol=1e-9)
         M, D, K, _ = judge.linear_model(position, {})
         for k, x in enumerate(w):
             expected = J @ np.linalg.solve(K - x**2 * M + 1j * x * D, J.T)

@@ -1,0 +1,98 @@
+"""``oed margins``: what the identified model means for the controller."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from reports.commands.export import stated_schema
+from reports.commands.identified import Map, Position, Source, read_source
+from reports.commands.options import WORKERS, AsJson, Workers, say
+
+if TYPE_CHECKING:
+    from robotmodels import ElasticRobot
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(margins)
+
+
+def margins(
+    source: Source,
+    controller: Annotated[
+        Path | None,
+        typer.Option(
+            help="File of a controller (controller/1: matrices or transfer functions), or of an "
+            "experiment, whose gains are taken; by default gains that keep the robot stable."
+        ),
+    ] = None,
+    sample_time: Annotated[
+        float, typer.Option(min=1e-6, max=1.0, help="Of the default controller, in s.")
+    ] = 1e-3,
+    position: Position = None,
+    spread: Map = 0,
+    draws: Annotated[
+        int, typer.Option(min=2, max=100_000, help="Draws of what the fit leaves open.")
+    ] = 100,
+    seed: Annotated[int, typer.Option(min=0, help="Of the draws.")] = 0,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Folder; by default that of the study, or this one."),
+    ] = None,
+    workers: Workers = WORKERS,
+    as_json: AsJson = False,
+) -> None:
+    """Say gain and phase margins, sensitivity and bandwidth of each motor's loop, with bands.
+
+    Example: oed margins studies/ur10.yaml --controller controller.json --map 20
+    """
+    fitted, robot, positions, folder = read_source(source, position, spread, workers)
+    from functools import partial
+
+    import numpy as np
+
+    from estimators.validation.margin_bands import predict_margins, suggestions
+    from reports.summaries import prediction_summary as summary
+    from reports.summaries.progress import progress_bars
+    from robotmodels.common.atomic_files import staged_folder
+    from robotmodels.common.plain_data import json_text
+
+    loop, motors = _feedback(controller, robot, sample_time), robot.motor_names
+    with progress_bars() as bars:
+        band = predict_margins(
+            fitted,
+            loop,
+            positions,
+            rng=np.random.default_rng(seed),
+            draws=draws,
+            progress=None if bars is None else partial(bars, "draws"),
+        )
+    remedies = suggestions(robot, loop, positions, fitted.parameters.values)
+    target = (output or folder).resolve()
+    contents = {
+        "margins.csv": summary.margins_csv(band, motors),
+        "margins.json": json_text(summary.margins_document(band, motors, remedies)),
+    }
+    with staged_folder(target) as staged:
+        for name, content in contents.items():
+            (staged / name).write_text(content, encoding="utf-8")
+    files = [target / name for name in contents]
+    say(
+        lambda: summary.margins_summary(band, motors, remedies, files),
+        lambda: summary.margins_document(band, motors, remedies) | {"files": list(map(str, files))},
+        as_json,
+    )
+
+
+def _feedback(controller: Path | None, robot: "ElasticRobot", sample_time: float) -> Any:
+    """Return the controller of a file or of an experiment's loop, or the default one."""
+    from oed.experiment.experiment_file import load_experiment
+    from oed.experiment.prepare import controller_of
+    from robotmodels import default_controller, linear_feedback
+
+    if controller is None:
+        return linear_feedback(default_controller(robot, sample_time))
+    if controller.is_file() and stated_schema(controller).startswith("experiment/"):
+        return linear_feedback(controller_of(load_experiment(controller), robot))
+    return linear_feedback(controller)

@@ -1,0 +1,128 @@
+"""``oed predict``: how stiff the tool is, and how far to trust that."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from reports.commands.identified import Map, Position, Source, read_source
+from reports.commands.options import WORKERS, AsJson, Workers, say
+from robotmodels.common.errors import InvalidInput, nearest
+
+if TYPE_CHECKING:
+    from robotmodels import Frame
+    from robotmodels.common.arrays import Array
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(predict)
+
+
+def predict(
+    source: Source,
+    position: Position = None,
+    spread: Map = 0,
+    link: Annotated[
+        str | None, typer.Option(help="Link of the URDF; the last one by default.")
+    ] = None,
+    at: Annotated[str, typer.Option(help="Point in the link's frame, in m: 0,0,0.1.")] = "0,0,0",
+    axes: Annotated[str, typer.Option(help="Axes of forces and motions: base or link.")] = "base",
+    frequencies: Annotated[
+        str | None, typer.Option(help="LOW,HIGH or LOW,HIGH,COUNT in Hz, for responses to forces.")
+    ] = None,
+    motion: Annotated[
+        str, typer.Option(help="Of responses: displacement, velocity or acceleration.")
+    ] = "displacement",
+    motors: Annotated[
+        str, typer.Option(help="clamped (brakes) or free, in responses and modes.")
+    ] = "clamped",
+    modes: Annotated[int, typer.Option(min=1, max=100, help="Resonances.")] = 2,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Folder; by default that of the study, or this one."),
+    ] = None,
+    workers: Workers = WORKERS,
+    as_json: AsJson = False,
+) -> None:
+    """Predict compliance, resonances, damping and responses of the tool, with their bands.
+
+    Example: oed predict studies/ur10.yaml --at 0,0,0.1 --frequencies 2,80 --map 200
+    """
+    words: dict[str, Any] = {
+        "motion": _one_of("--motion", motion, ("displacement", "velocity", "acceleration")),
+        "motors": _one_of("--motors", motors, ("clamped", "free")),
+        "modes": modes,
+    }
+    fitted, robot, positions, folder = read_source(source, position, spread, workers)
+    from estimators.validation.predict_tool import predict_tool
+    from reports.pages.prediction_page import write_prediction_page
+    from reports.summaries import prediction_summary as summary
+    from robotmodels.common.atomic_files import staged_folder
+    from robotmodels.common.plain_data import json_text
+    from robotmodels.elastic.tool_response import tool_frame
+
+    frame = _frame(link or tool_frame(robot).link, at, axes)
+    omega = None if frequencies is None else read_frequencies(frequencies)
+    prediction = predict_tool(fitted, positions, frame, omega, **words)
+    target = (output or folder).resolve()
+    contents = {
+        "prediction.csv": summary.tool_csv(prediction, robot.motor_names),
+        "prediction.json": json_text(summary.tool_document(prediction)),
+    }
+    if omega is not None:
+        contents["response.csv"] = summary.response_csv(prediction)
+    with staged_folder(target) as staged:
+        for name, content in contents.items():
+            (staged / name).write_text(content, encoding="utf-8")
+        write_prediction_page(prediction, robot.name, staged / "prediction.html")
+    files = [target / name for name in (*contents, "prediction.html")]
+    say(
+        lambda: summary.tool_summary(prediction, files),
+        lambda: summary.tool_document(prediction) | {"files": list(map(str, files))},
+        as_json,
+    )
+
+
+def _one_of(option: str, word: str, words: tuple[str, ...]) -> str:
+    if word not in words:
+        raise InvalidInput(
+            f"{option}: {word!r} is unknown{nearest(word, words)}; there are {', '.join(words)}"
+        )
+    return word
+
+
+def _frame(link: str, at: str, axes: str) -> "Frame":
+    """Return the frame of the options."""
+    from reports.commands.check_options import read_numbers
+    from robotmodels import Frame
+
+    point = read_numbers("--at", at, "0,0,0.1")
+    if len(point) != 3:
+        raise InvalidInput(f"--at: {len(point)} given, 3 needed: x,y,z in the link's frame [m]")
+    x, y, z = point
+    return Frame(
+        link, (x, y, z), "link" if _one_of("--axes", axes, ("base", "link")) == "link" else "base"
+    )
+
+
+def read_frequencies(words: str) -> "Array":
+    """Return angular frequencies [rad/s] of ``LOW,HIGH`` or ``LOW,HIGH,COUNT`` in Hz.
+
+    Raises
+    ------
+    InvalidInput
+        If these are not two rising positive numbers, and a count.
+    """
+    import numpy as np
+
+    from reports.commands.check_options import read_band
+
+    parts = words.split(",")
+    low, high = read_band(",".join(parts[:2]), "--frequencies")
+    count = parts[2] if len(parts) == 3 else "200"
+    if len(parts) > 3 or not count.isdigit() or not 2 <= int(count) <= 100_000:
+        raise InvalidInput(
+            f"--frequencies: {words!r}; LOW,HIGH or LOW,HIGH,COUNT is needed, such as 2,80,200"
+        )
+    return np.geomspace(low, high, int(count))

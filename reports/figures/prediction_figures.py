@@ -1,0 +1,54 @@
+"""Figures of predictions: responses of a tool with bands, compliance over the workspace."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from estimators.validation.predict_tool import ToolPrediction
+from reports.figures.study_figures import Drawing
+from reports.figures.svg import Palette
+from robotmodels.elastic.tool_response import MOTIONS
+
+
+def driving_point(prediction: ToolPrediction, position: int) -> Drawing:
+    """Return responses along x, y, z to forces along the same, with bands, in one position."""
+
+    def draw(palette: Palette) -> Figure:
+        figure = Figure(figsize=(7.0, 3.2), layout="constrained")
+        axes = figure.add_subplot()
+        band, hertz = prediction.response, prediction.omega / (2 * np.pi)
+        assert band is not None
+        for i, colour in enumerate((palette.accent, palette.second, palette.ink)):
+            values = np.abs(band.values[position, :, i, i])
+            axes.plot(hertz, values, color=colour, lw=1.2, label="xyz"[i])
+            ends = band.lower[position, :, i, i], band.upper[position, :, i, i]
+            axes.fill_between(hertz, *ends, color=colour, alpha=0.2, lw=0)
+        units = {"displacement": "m/N", "velocity": "m/s/N", "acceleration": "m/s²/N"}
+        label = f"{MOTIONS[prediction.motion]} [{units[prediction.motion]}]"
+        axes.set(yscale="log", xscale="log", xlabel="frequency [Hz]", ylabel=label)
+        axes.grid(True, axis="y")
+        figure.legend(loc="outside upper right", ncols=3)
+        return figure
+
+    return draw
+
+
+def workspace(prediction: ToolPrediction) -> Drawing:
+    """Return largest compliance and lowest resonance over where the point is, side and top view."""
+
+    def draw(palette: Palette) -> Figure:
+        figure = Figure(figsize=(7.0, 5.4), layout="constrained")
+        x, y, z = prediction.points.T
+        values = (
+            ("softest [µm/N]", 1e6 * prediction.compliance.values[:, 0].real),
+            ("its deviation [%]", 100 * prediction.compliance.std[:, 0]),
+            ("resonance [Hz]", prediction.resonances.values[:, 0].real / (2 * np.pi)),
+            ("its deviation [%]", 100 * prediction.resonances.std[:, 0]),
+        )
+        for k, (title, value) in enumerate(values):
+            axes = figure.add_subplot(2, 2, k + 1)
+            dots = axes.scatter(np.hypot(x, y), z, c=value, s=14, cmap="viridis")
+            axes.set(title=title, xlabel="from the base's axis [m]", ylabel="height [m]")
+            figure.colorbar(dots, ax=axes)
+        return figure
+
+    return draw

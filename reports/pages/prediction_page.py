@@ -1,0 +1,88 @@
+"""The page of what a fit predicts of a tool: compliance, modes, responses, maps."""
+
+from pathlib import Path
+
+import numpy as np
+from markupsafe import Markup
+
+from estimators.validation.predict_tool import ToolPrediction
+from reports import text
+from reports.figures.prediction_figures import driving_point, workspace
+from reports.page_elements import (
+    Cell,
+    Figure,
+    Number,
+    Section,
+    Table,
+    figure,
+    filled,
+    numbers,
+    page,
+    table,
+)
+from robotmodels.common.atomic_files import write_text
+
+_SHOWN = 6
+"""Positions whose responses are drawn."""
+
+
+def write_prediction_page(prediction: ToolPrediction, name: str, path: Path) -> None:
+    """Write a prediction as one HTML file that needs nothing else."""
+    frame = prediction.frame
+    where = f"{frame.link} at {', '.join(f'{x:g}' for x in frame.at)} m, axes of the {frame.axes}"
+    sections = [
+        Section("positions", "Compliance and modes", _body([], prediction_table(prediction)))
+    ]
+    if prediction.response is not None:
+        count = min(len(prediction.points), _SHOWN)
+        sections.append(Section("responses", "Responses", _body(_responses(prediction, count))))
+    if len(prediction.points) > _SHOWN:
+        alt = "Compliance and lowest resonance, and their deviations, over the workspace"
+        drawing = figure("workspace", workspace(prediction), alt, wide=True)
+        sections.append(Section("map", "Over the workspace", _body([drawing])))
+    lead = f"What the identified parameters say of {where}, with {prediction.compliance.level:.0%} "
+    lead += "bands of what they leave open; errors of the model are not in them."
+    write_text(path, page(name, "prediction", "How stiff the tool is", lead, sections))
+
+
+def prediction_table(prediction: ToolPrediction) -> Table:
+    """Return compliance, first resonance and damping of each position with their deviations."""
+    columns = numbers(
+        "position", "softest [µm/N]", "± [%]", "middle [µm/N]", "stiffest [µm/N]",
+        "resonance [Hz]", "± [%]", "damping [%]", "± [%]",
+    )  # fmt: skip
+    rows: list[list[Cell]] = []
+    compliance, resonances, damping = (
+        prediction.compliance,
+        prediction.resonances,
+        prediction.damping,
+    )
+    for i in range(len(prediction.points)):
+        values = [
+            float(i + 1),
+            1e6 * compliance.values[i, 0].real,
+            100 * compliance.std[i, 0],
+            *(1e6 * compliance.values[i, 1:].real),
+            resonances.values[i, 0].real / (2 * np.pi),
+            100 * resonances.std[i, 0],
+            100 * damping.values[i, 0].real,
+            100 * damping.std[i, 0],
+        ]
+        rows.append([Number(text.significant(float(v), 3), float(v)) for v in values])
+    caption = (
+        f"Half axes of the compliance ellipsoid with clamped motors; first mode with "
+        f"{prediction.motors} motors; relative standard deviations."
+    )
+    return table("prediction", caption, columns, rows)
+
+
+def _responses(prediction: ToolPrediction, count: int) -> list[Figure]:
+    alt = "Magnitude over frequency along x, y and z with bands"
+    return [
+        figure(f"response-{i + 1}", driving_point(prediction, i), alt, label=f"position {i + 1}")
+        for i in range(count)
+    ]
+
+
+def _body(figures: list[Figure], shown: Table | None = None) -> Markup:
+    return filled("prediction.html.j2", figures=figures, table=shown)

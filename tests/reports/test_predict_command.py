@@ -1,0 +1,108 @@
+"""``oed predict`` and ``oed margins``."""
+
+import csv
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from robots import HERE
+
+import robotmodels
+from estimators import predict
+from reports import cli
+from robotmodels import Frame
+
+AT = "--position=-45,20"
+GUESSED = {"d2.stiffness": 0.2, "d3.stiffness": 0.1, "d2.damping": 0.4, "d3.damping": 0.4}
+
+
+@pytest.fixture
+def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    content = yaml.safe_load((HERE / "two_joints.yaml").read_text()) | {"guessed": GUESSED}
+    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(content))
+    monkeypatch.chdir(tmp_path)
+    return "robot.yaml"
+
+
+def oed(monkeypatch: pytest.MonkeyPatch, capsys, *words: str) -> tuple[object, str, str]:
+    monkeypatch.setattr(sys, "argv", ["oed", *words])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    return (ended.value.code or 0, *capsys.readouterr())
+
+
+def test_predictions_are_written_as_the_library_has_them(robot, monkeypatch, capsys) -> None:
+    words = ("--at=0,0,0.1", "--link=tool0", "--frequencies=2,40,5", "--json")
+    code, out, err = oed(monkeypatch, capsys, "predict", robot, AT, *words)
+    assert (code, err) == (0, "")
+    content = json.loads(out)
+    model, positions = robotmodels.load_robot(robot), np.deg2rad([[-45.0, 20.0]])
+    frame = Frame("tool0", (0.0, 0.0, 0.1))
+    from estimators import ToolCompliance, ToolResponse
+
+    expected = predict(model, ToolCompliance(frame), positions)
+    np.testing.assert_allclose(content["compliance"]["values"], expected.values)
+    np.testing.assert_allclose(content["compliance"]["std"], expected.std)
+    omega = 2 * np.pi * np.geomspace(2.0, 40.0, 5)
+    response = predict(model, ToolResponse(omega, frame), positions)
+    rows = list(csv.DictReader(Path("response.csv").read_text().splitlines()))
+    assert len(rows) == 5 * 9
+    assert float(rows[9]["real"]) == pytest.approx(response.values[0, 1, 0, 0].real, rel=1e-8)
+    (row,) = csv.DictReader(Path("prediction.csv").read_text().splitlines())
+    assert float(row["m2"]) == pytest.approx(np.deg2rad(-45))
+    value = float(row["resonance_1 [rad/s]"])
+    assert value == pytest.approx(content["resonances"]["values"][0][0], rel=1e-8)
+    assert "Responses" in Path("prediction.html").read_text()
+
+
+def test_maps_show_the_workspace(robot, monkeypatch, capsys) -> None:
+    code, out, _ = oed(monkeypatch, capsys, "predict", robot, "--map=8", "--modes=1", "-o", "map")
+    assert code == 0
+    assert "tool0 at 0, 0, 0 m" in out
+    assert "Over the workspace" in Path("map/prediction.html").read_text()
+    assert len(Path("map/prediction.csv").read_text().splitlines()) == 9
+
+
+def test_margins_are_those_of_the_controller(robot, monkeypatch, capsys) -> None:
+    motor = {"numerator": [40.0 * 0.08, 40.0], "denominator": [0.004, 1.0]}
+    content = {"schema": "controller/1", "motors": [motor, motor]}
+    Path("controller.json").write_text(json.dumps(content))
+    words = ("--controller=controller.json", "--draws=6")
+    code, out, err = oed(monkeypatch, capsys, "margins", robot, AT, *words)
+    assert (code, err) == (0, "")
+    assert "of 6 draws" in out
+    written = json.loads(Path("margins.json").read_text())
+    feedback = robotmodels.linear_feedback("controller.json")
+    positions = np.deg2rad([[-45.0, 20.0]])
+    expected = robotmodels.loop_margins(robotmodels.load_robot(robot), positions, feedback)
+    peaks = written["nominal"]["peak_sensitivity"]
+    np.testing.assert_allclose(peaks, expected.peak_sensitivity)
+    assert len(list(csv.DictReader(Path("margins.csv").read_text().splitlines()))) == 2
+
+
+MISTAKES = {
+    ("predict", "--at=1,2"): "--at: 2 given, 3 needed",
+    ("predict", "--motion=displacment"): "did you mean 'displacement'",
+    ("predict", "--link=tool"): "'tool' is not a link of the URDF",
+    ("predict", "--frequencies=2,80,1"): "--frequencies: '2,80,1'",
+    ("predict", "--frequencies=80,2"): "--frequencies: 80 to 2 Hz",
+    ("margins", "--controller=absent.json"): "absent.json",
+}
+
+
+@pytest.mark.parametrize("words", MISTAKES)
+def test_mistakes_are_one_line(words, robot, monkeypatch, capsys) -> None:
+    command, option = words
+    code, _, err = oed(monkeypatch, capsys, command, robot, option)
+    assert code == 2
+    assert MISTAKES[words] in err
+    assert err.count("\n") == 1
+
+
+def test_robots_without_deviations_say_so(monkeypatch, capsys) -> None:
+    code, _, err = oed(monkeypatch, capsys, "predict", "ur10")
+    assert code == 2
+    assert "no standard deviation of a free parameter" in err
