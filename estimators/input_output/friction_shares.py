@@ -7,7 +7,7 @@ or sticks, friction is what torque and motion leave over,
 
 with the inertia J that motors have at high frequencies, and the reaction g of gears and arm, which
 a model predicts from the motion. What the model misses of g is slow against a turn and interpolated
-from both sides.
+from both sides. Commanded torques pass the gain, delay and lag of the motors' torque loops before.
 """
 
 import warnings
@@ -15,10 +15,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import solveh_banded
+from scipy.signal import lfilter, lfilter_zi
 
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.errors import IdentificationWarning, InvalidInput
 from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.linear.linear_model import Channels
 from robotmodels.linear.response import Elastic, frequency_response
 from robotmodels.records.records import Records
 
@@ -84,10 +86,11 @@ def friction_shares(
     shares, resting = np.full(records.torque.shape, np.nan), []
     for q in range(len(records)):
         motion = _Motion.of(records, model, records.positions[q], values)
+        channels = torque_channels(model, records.positions[q], values, delay)
         for block, run in np.argwhere(~records.missing[q]):
             angle = records.angle[q, block, run][..., :n]
             torque = _mean_torque(
-                records, (q, block, run), delay, steady=hold and records.commanded
+                records, (q, block, run), channels, steady=hold and records.commanded
             )
             surplus = torque - motion.torque(angle).reshape(-1, n)
             signs = _signs(angle.reshape(-1, n), least)
@@ -125,7 +128,8 @@ class _Motion:
         n, count, step = records.torque.shape[-1], records.samples, records.sample_time
         lines = np.arange(1, max(2, int(_BAND * count)))
         omega = np.append(2 * np.pi * lines / (count * step), _FAST)
-        G = frequency_response(model, position[None], omega, values)[0, :, :n]
+        loops = torque_channels(model, position, values).response(omega)
+        G = frequency_response(model, position[None], omega, values)[0, :, :n] / loops[:, None]
         stiff = np.linalg.inv(G)
         inertia = stiff[-1].real
         mean = np.sinc(omega[:-1] * step / (2 * np.pi)) ** 2  # with triangular weights
@@ -157,8 +161,8 @@ def check_motors(robot: ElasticRobot) -> None:
     Raises
     ------
     InvalidInput
-        If the first outputs are not the encoders of all motors, if torques or readings are late, or
-        friction counts as dampers.
+        If the first outputs are not the encoders of all motors, if these have gains, delays or lags
+        of their own, or friction counts as dampers.
     """
     for i, motor in enumerate(robot.file.motors):
         output = robot.outputs[i] if i < len(robot.outputs) else None
@@ -172,12 +176,30 @@ def check_motors(robot: ElasticRobot) -> None:
                 f"friction: motor {motor.name!r} counts it as a damper at its coulomb_speed; leave "
                 "that out of the robot file, or do not estimate its level"
             )
-        late = (motor.torque_gain, motor.torque_delay, motor.torque_lag, robot.file.delay)
-        if late != (1.0, 0.0, 0.0, 0.0) or not output.ideal:
+        if not output.ideal:
             raise InvalidInput(
-                f"friction: delay, gain and lag of torques and of the encoder of motor "
-                f"{motor.name!r} hide its course; leave them out, and correct records for them"
+                f"friction: delay, gain and lag of the encoder of motor {motor.name!r} hide its "
+                "course; leave them out, and correct records for them"
             )
+
+
+def torque_channels(
+    model: Elastic, position: Array, values: Array | None = None, delay: float = 0.0
+) -> Channels:
+    """Return what changes commanded torques on the way to the motors, as late as angles are.
+
+    Parameters
+    ----------
+    position : ndarray, (n,), rad
+        Any of the robot.
+    values : ndarray, (p,), SI, optional
+        Parameters of the model.
+    delay : float, s
+        By which angles are late beside the model's delay.
+    """
+    at = model.parameters.values if values is None else values
+    measured = model.network(position[None], at).linear_model().measured
+    return replace(measured.torque, delay=measured.torque.delay + measured.delay + delay)
 
 
 def _least_speeds(model: Elastic, motors: int) -> Array:
@@ -193,20 +215,41 @@ def _least_speeds(model: Elastic, motors: int) -> Array:
 
 
 def _mean_torque(
-    records: Records, run: tuple[int, int, int], delay: float, *, steady: bool
+    records: Records, run: tuple[int, int, int], channels: Channels, *, steady: bool
 ) -> Array:
-    """Return torques, means about the samples of angles, (P N, n) [N m]."""
-    torque = records.torque[run].reshape(-1, records.torque.shape[-1])
-    padded = np.concatenate([torque[:1], torque, torque[-1:]])
-    if steady:  # from a sample to the next
-        mean = 0.5 * (padded[:-2] + padded[1:-1])
+    """Return torques at the motors, means about the samples of angles, (P N, n) [N m]."""
+    torque, step = records.torque[run].reshape(-1, records.torque.shape[-1]), records.sample_time
+    ways = zip(torque.T, channels.delay / step, channels.lag / step, strict=True)
+    passed = [_late_mean(column, late, lag, steady) for column, late, lag in ways]
+    return np.stack(passed, axis=1) * channels.gain
+
+
+def _late_mean(torque: Array, late: float, lag: float, steady: bool) -> Array:
+    """Return triangular means (M,) of a torque behind a delay and a lag [samples].
+
+    `steady` from a sample to the next, or else straight between them, without a lag.
+    """
+    whole = int(late)
+    x = late - whole
+    if steady:
+        weights = np.array([0, (1 - x) ** 2 / 2, 1 / 2 + x - x**2, x**2 / 2])
     else:
-        mean = (padded[:-2] + 10 * padded[1:-1] + padded[2:]) / 12
-    if delay == 0:
-        return np.asarray(mean)
-    instants = np.arange(len(mean)) - delay / records.sample_time
-    columns = [np.interp(instants, np.arange(len(mean)), column) for column in mean.T]
-    return np.stack(columns, axis=1)
+        weights = (np.array([1, 10, 1, 0]) * (1 - x) + np.array([0, 1, 10, 1]) * x) / 12
+    padded = np.pad(torque, (whole + 2, 1), mode="edge")
+    means = np.convolve(padded, weights, "valid")[: len(torque)]
+    return means - lag * _lag_slopes(padded, x, lag)[: len(torque)] if lag else means
+
+
+def _lag_slopes(torque: Array, late: float, lag: float) -> Array:
+    """Return triangular means of the slope of y = u - lag y', of a steady torque u.
+
+    That is the difference of two means over a sample, each by the same equation.
+    """
+    pole = np.exp(-1 / lag)
+    b, a = [0.0, 1 - pole], [1.0, -pole]
+    begun = lfilter(b, a, torque, zi=lfilter_zi(b, a) * torque[0])[0]  # where a sample begins
+    y = torque + (begun - torque) * np.exp((late - 1) / lag)
+    return np.diff(late * torque[:-1] + (1 - late) * torque[1:] - lag * np.diff(y))
 
 
 def _signs(angle: Array, least: Array) -> Array:

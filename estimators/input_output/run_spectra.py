@@ -14,7 +14,7 @@ from estimators.frf.estimate_frf import Transient, check_choice, each_position, 
 from estimators.frf.record_checks import check_periods
 from estimators.frf.spectra import Spectra, spectra
 from estimators.input_output.coulomb import CoulombSpectra
-from estimators.input_output.friction_shares import friction_shares
+from estimators.input_output.friction_shares import friction_shares, torque_channels
 from estimators.input_output.run_noise import FEWEST, NOISES, NoiseOf, declared, possible_noise
 from estimators.input_output.silent_lines import SilentLines
 from robotmodels.common.arrays import (
@@ -30,6 +30,7 @@ from robotmodels.common.arrays import (
 )
 from robotmodels.common.errors import IdentificationWarning, InvalidInput
 from robotmodels.common.printing import ReprHtml
+from robotmodels.linear.linear_model import Channels
 from robotmodels.linear.response import Elastic
 from robotmodels.records.records import Records
 
@@ -284,7 +285,8 @@ def run_spectra(
         if friction is None:
             return read
         shares = friction_shares(part, friction, values, delay, hold=hold)
-        return partial(_with_shares, read, shares, delay)
+        channels = torque_channels(friction, part.positions[0], values, delay)
+        return partial(_with_shares, read, shares, channels)
 
     positions = [
         (part, f"position {i + 1}", reader(part)) for i, part in enumerate(each_position(records))
@@ -326,15 +328,15 @@ def run_spectra(
 def _with_shares(
     read: Callable[..., Spectra],
     friction: Records,
-    delay: float,
+    channels: Channels,
     records: Records,
     **choice: Any,
 ) -> Spectra:
     """Return spectra with the shares of friction as further inputs."""
     measured, shares = read(records, **choice), spectra(friction, hold=False, **choice)
-    # Triangular means, as late as the angles.
-    half = shares.omega * records.sample_time / 2
-    factor = (np.exp(1j * shares.omega * delay) / np.sinc(half / np.pi) ** 2)[:, None, None]
+    # Triangular means, as late as the angles; commands have the torque loop before friction.
+    mean = np.sinc(shares.omega * records.sample_time / (2 * np.pi)) ** 2
+    factor = 1 / (mean[:, None] * channels.response(shares.omega))[..., None]
     return replace(
         measured,
         input=np.concatenate([measured.input, shares.input * factor], axis=3),

@@ -15,18 +15,23 @@ _DETECTION = _ODD[3::4]
 _LINES = np.setdiff1d(_ODD, _DETECTION)
 
 
-def rubbing_arm(width: float = 0.0) -> ElasticRobot:
-    """Return the robot; `width` of tanh [rad/s]."""
+def rubbing_arm(width: float = 0.0, *, late: bool = False) -> ElasticRobot:
+    """Return the robot; `width` of tanh [rad/s]; `late`: with torque loops and a delay."""
     rubbing = [{"coulomb": level, "coulomb_width": width} for level in LEVELS.tolist()]
-    motors = [dict(m) | more for m, more in zip(BALANCED["motors"], rubbing, strict=True)]
+    loops = [
+        {"torque_delay": 7e-4 * i, "torque_lag": 1.3e-3 * i, "torque_gain": 1 - 0.03 * i}
+        for i in range(3)
+    ]
+    both = zip(BALANCED["motors"], rubbing, loops, strict=True)
+    motors = [dict(motor) | level | (loop if late else {}) for motor, level, loop in both]
     free = {"counterbalances": [], "friction": [], "parameters": {}}
-    return built(changed(BALANCED, motors=motors, **free))
+    return built(changed(BALANCED, motors=motors, delay=1.3e-3 if late else 0.0, **free))
 
 
 @cache
-def rubbing_records(width: float = 0.0) -> Records:
+def rubbing_records(width: float = 0.0, *, late: bool = False) -> Records:
     """Return three periods of one run in one position, about 6 rad/s at the motors."""
-    robot = rubbing_arm(width)
+    robot = rubbing_arm(width, late=late)
     spectrum = np.zeros((1, 1, 3, N // 2 + 1), dtype=complex)
     spectrum[..., _LINES] = np.exp(2j * np.pi * np.random.default_rng(1).random((3, len(_LINES))))
     records = robotmodels.simulate(

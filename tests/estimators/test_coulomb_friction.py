@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from noisy_runs import SMALL, circular
 from rubbing_arm import LEVELS, rubbing_arm, rubbing_records
+from scipy.signal import lfilter
 
 from estimators import (
     RunSpectra,
@@ -21,7 +22,7 @@ from estimators import (
     settled_runs,
 )
 from estimators.input_output.coulomb import CoulombSpectra
-from estimators.input_output.friction_shares import friction_shares
+from estimators.input_output.friction_shares import _late_mean, friction_shares
 from estimators.input_output.silent_lines import SilentLines
 from oed.experiment.draw_plan import experiment_plan
 from oed.experiment.multisine import band_multisine
@@ -147,24 +148,42 @@ def _measured(records: Records) -> Records:
 
 
 @pytest.mark.parametrize(
-    ("change", "width", "options"),
+    ("change", "made", "options"),
     [
-        (lambda records: records, 0.0, {}),
-        (lambda records: records, 0.2, {}),
-        (_one_period, 0.0, {}),
-        (_late, 0.0, {"delay": 1e-3}),
-        (_measured, 0.0, {}),
+        (lambda records: records, {}, {}),
+        (lambda records: records, {"width": 0.2}, {}),
+        (lambda records: records, {"late": True}, {}),
+        (_one_period, {}, {}),
+        (_late, {}, {"delay": 1e-3}),
+        (_measured, {}, {}),
     ],
-    ids=["sharp", "tanh", "one period", "late angles", "measured torques"],
+    ids=["sharp", "tanh", "torque loops", "one period", "late angles", "measured torques"],
 )
 def test_levels_of_three_coupled_motors(
-    change: Callable[[Records], Records], width: float, options: dict[str, Any]
+    change: Callable[[Records], Records], made: dict[str, Any], options: dict[str, Any]
 ) -> None:
-    robot, records = rubbing_arm(width), change(rubbing_records(width))
+    robot, records = rubbing_arm(**made), change(rubbing_records(**made))
     result = fit(robot, settled_runs(robot, records, "detection", **options))
     assert result.coulomb == pytest.approx(LEVELS[None], rel=0.01)
     error = np.log(result.parameters.values / robot.parameters.values)
     assert (np.abs(error) < 4 * np.maximum(result.trust.std, 1e-3)).all()
+
+
+@pytest.mark.parametrize(("late", "lag"), [(0.0, 0.0), (1.25, 0.0), (0.0, 0.7), (2.75, 2.5)])
+def test_means_of_late_torques_are_exact(late: float, lag: float) -> None:
+    """Against sums over a grid of a hundredth of a sample, of steps through a first-order lag."""
+    fine, torque = 100, np.random.default_rng(1).standard_normal(80)
+    steps = np.repeat(torque, fine)
+    if lag:
+        decay = np.exp(-1 / (fine * lag))
+        begun = np.append(lfilter([1 - decay], [1, -decay], steps), 0)
+        steps = (np.append(0, begun)[: len(steps)] + begun[:-1]) / 2
+    rising = (np.arange(fine) + 0.5) / fine**2
+    means = np.convolve(steps, np.concatenate([rising, rising[::-1]]))
+    ends = np.round((np.arange(len(torque)) + 1 - late) * fine).astype(int) - 1
+    inside = slice(40, -2)  # what was before the first sample has died out
+    right = means[ends[inside]]
+    assert _late_mean(torque, late, lag, steady=True)[inside] == pytest.approx(right, abs=1e-4)
 
 
 def test_no_friction_has_no_level() -> None:
@@ -279,8 +298,11 @@ def test_friction_is_refused_where_it_cannot_be_told() -> None:
         run_spectra(speeds, "detection", friction=rubbing())
     with pytest.raises(InvalidInput, match="friction: that of runs that do not end as they began"):
         run_spectra(records, "detection", friction=rubbing(), states="yes")
-    with pytest.raises(InvalidInput, match="friction: delay, gain and lag of torques"):
-        run_spectra(records, "detection", friction=rubbing(torque_lag=1e-3))
+    late = rubbing()
+    outputs = [ANGLE.model_copy(update={"delay": 1e-3})]
+    late = replace(late, file=late.file.model_copy(update={"outputs": outputs}))
+    with pytest.raises(InvalidInput, match="friction: delay, gain and lag of the encoder of m"):
+        run_spectra(records, "detection", friction=late)
     with pytest.raises(InvalidInput):
         run_spectra(records, "detection", friction=load_robot("ur10"))
 
