@@ -285,8 +285,9 @@ def run_spectra(
         if friction is None:
             return read
         shares = friction_shares(part, friction, values, delay, hold=hold)
-        channels = torque_channels(friction, part.positions[0], values, delay)
-        return partial(_with_shares, read, shares, channels)
+        return partial(
+            _with_shares, read, shares, torque_channels(friction, part.positions[0], values, delay)
+        )
 
     positions = [
         (part, f"position {i + 1}", reader(part)) for i, part in enumerate(each_position(records))
