@@ -116,6 +116,7 @@ from .uncertainty.next_measurements import (
     best_additions as best_additions,
     compare_with_design as compare_with_design,
 )
+from .uncertainty.recommended import recommended_uncertainty as recommended_uncertainty
 from .uncertainty.residual_analysis import (
     ResidualAnalysis as ResidualAnalysis,
     residual_analysis as residual_analysis,
@@ -132,7 +133,6 @@ from .validation.monte_carlo import MonteCarlo as MonteCarlo, monte_carlo as mon
 from .validation.predict import (
     Prediction as Prediction,
     predict as predict,
-    recommended_uncertainty as recommended_uncertainty,
 )
 from .validation.prediction import (
     FrfBand as FrfBand,

@@ -1,20 +1,26 @@
-"""Robots drawn from what a fit leaves open, each written for another program."""
+"""Robots drawn from what a fit leaves open, each written for another program, and their table."""
 
+import csv
+import io
 from pathlib import Path
 
 import numpy as np
 
 from estimators.fitting.fitted_model import FittedModel
 from estimators.uncertainty.covariance import Uncertainty
+from estimators.uncertainty.recommended import recommended_uncertainty
 from robotmodels.common.arrays import Array, check_count, check_kind, real_numbers
+from robotmodels.common.atomic_files import write_text
 from robotmodels.common.errors import InvalidInput
+from robotmodels.description.parameters import Parameters
+from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.exports.export import export
 from robotmodels.exports.formats import Format
 from robotmodels.exports.robot_files import with_values
 
 
 def export_draws(
-    fit: FittedModel,
+    source: FittedModel | ElasticRobot,
     path: str | Path,
     format: Format = "mjcf",
     *,
@@ -23,13 +29,15 @@ def export_draws(
     covariance: Array | None = None,
     draws: Array | None = None,
     position: Array | None = None,
+    models: bool = True,
+    table: bool = False,
 ) -> tuple[Path, ...]:
     """Write robots whose parameters are drawn from a posterior or a covariance.
 
     Parameters
     ----------
-    fit : Fit
-        The fit of a robot.
+    source : Fit, RunFit or ElasticRobot
+        The fit of a robot, or a robot whose file has standard deviations.
     path : str or Path
         Name of the files, to which ``-1``, ``-2`` ... is added before the ending.
     format : str
@@ -39,43 +47,75 @@ def export_draws(
     rng : Generator
         Source of the draws.
     covariance : ndarray, (p, p), optional
-        Of ln theta, about the fit.
+        Of ln theta, about the fit; by default `recommended_uncertainty`.
     draws : ndarray, (N, p), optional
         Of ln theta, as `Posterior.draws` has; `count` of them are taken without replacement.
     position : ndarray, optional
         As in `robotmodels.export`.
+    models : bool
+        Whether to write a model for each draw.
+    table : bool
+        Whether to write ``-draws.csv``: the draws' parameters, jointly, a row each, in the order of
+        the models.
 
     Returns
     -------
     tuple of Path
-        The files.
+        The files, the table last.
 
     Raises
     ------
     InvalidInput
-        If not one of `covariance` and `draws` is given, they do not fit the parameters, or
+        If both `covariance` and `draws` are given, they do not fit the parameters, or
         `robotmodels.export` refuses a robot.
     """
-    check_kind(fit, FittedModel, "export_draws: fit")
+    check_kind(source, (FittedModel, ElasticRobot), "export_draws: source")
     check_count(count, "count")
-    robot, p = fit.robot(), len(fit.parameters)
-    if (covariance is None) == (draws is None):
-        raise InvalidInput("export_draws: one of covariance and draws is needed")
-    if covariance is None:
-        assert draws is not None
+    robot = source if isinstance(source, ElasticRobot) else source.robot()
+    drawn = _draws(source, covariance, draws, count, rng)
+    path, width = Path(path), len(str(count))
+    files = [path.with_stem(f"{path.stem}-{i + 1:0{width}}") for i in range(count * models)]
+    for file, ln_theta in zip(files, drawn, strict=models):
+        export(with_values(robot, np.exp(ln_theta)), file, format, position)
+    if table:
+        files.append(path.with_name(f"{path.stem}-draws.csv"))
+        write_text(files[-1], _table(robot.parameters, np.exp(drawn)))
+    return tuple(files)
+
+
+def _draws(
+    source: FittedModel | ElasticRobot,
+    covariance: Array | None,
+    draws: Array | None,
+    count: int,
+    rng: np.random.Generator,
+) -> Array:
+    """Return draws of ln theta, (count, p)."""
+    names = source.parameters.names
+    p = len(names)
+    if covariance is not None and draws is not None:
+        raise InvalidInput("export_draws: one of covariance and draws is needed, not both")
+    if draws is not None:
         drawn = _checked(draws, "draws", (*np.shape(draws)[:1], p))
         if len(drawn) < count:
             raise InvalidInput(f"count: {count}; there are {len(drawn)} draws")
-        drawn = rng.choice(drawn, count, replace=False)
+        return np.asarray(rng.choice(drawn, count, replace=False))
+    if covariance is None:
+        matrix = recommended_uncertainty(source).covariance
     else:
         matrix = _checked(covariance, "covariance", (p, p))
-        Uncertainty(fit.parameters.names, matrix, "given")  # refuses what is no covariance
-        drawn = parameter_draws(fit.parameters.values, matrix, count, rng)
-    path, width = Path(path), len(str(count))
-    files = tuple(path.with_stem(f"{path.stem}-{i + 1:0{width}}") for i in range(count))
-    for file, ln_theta in zip(files, drawn, strict=True):
-        export(with_values(robot, np.exp(ln_theta)), file, format, position)
-    return files
+        Uncertainty(names, matrix, "given")  # refuses what is no covariance
+    return parameter_draws(source.parameters.values, matrix, count, rng)
+
+
+def _table(parameters: Parameters, values: Array) -> str:
+    """Return values (N, p) [SI] as CSV, one name and unit a column."""
+    lines = io.StringIO()
+    writer = csv.writer(lines, lineterminator="\n")
+    units = zip(parameters.names, parameters.units, strict=True)
+    writer.writerow(["draw", *(f"{name} [{unit}]" for name, unit in units)])
+    writer.writerows([i + 1, *(f"{x:.12g}" for x in row)] for i, row in enumerate(values))
+    return lines.getvalue()
 
 
 def parameter_draws(

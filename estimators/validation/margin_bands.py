@@ -7,8 +7,8 @@ import numpy as np
 
 from estimators.fitting.fitted_model import FittedModel
 from estimators.sampling.exported_draws import parameter_draws
+from estimators.uncertainty.recommended import recommended_uncertainty
 from estimators.validation.bands import checked_spread
-from estimators.validation.predict import recommended_uncertainty
 from robotmodels.common.arrays import Array, IntArray, check_count, real_numbers
 from robotmodels.common.errors import NoEquilibrium
 from robotmodels.common.progress import Progress

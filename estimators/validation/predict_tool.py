@@ -6,8 +6,9 @@ from typing import Literal
 import numpy as np
 
 from estimators.fitting.fitted_model import FittedModel
+from estimators.uncertainty.recommended import recommended_uncertainty
 from estimators.validation.bands import Spread
-from estimators.validation.predict import Prediction, predict, recommended_uncertainty
+from estimators.validation.predict import Prediction, predict
 from estimators.validation.quantities import (
     DampingRatios,
     Resonances,

@@ -3,7 +3,7 @@
 import os
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,6 +14,7 @@ from robotmodels.common.errors import IdentificationError, InvalidInput, nearest
 from robotmodels.exports.formats import ENDINGS, Format
 
 if TYPE_CHECKING:
+    from estimators.fitting.fitted_model import FittedModel
     from oed.study.results import FittedStudy
     from robotmodels import ElasticRobot
     from robotmodels.common.arrays import Array
@@ -49,9 +50,16 @@ def export(
     draws: Annotated[
         int,
         typer.Option(
-            min=0, max=10_000, help="Write so many robots drawn from the fit's covariance too."
+            min=0,
+            max=10_000,
+            help="Write so many robots too, drawn from what the fit or the robot file leaves open, "
+            "and the table of their parameters.",
         ),
     ] = 0,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Of the draws; by default that of the study, or 0.")
+    ] = None,
+    table_only: Annotated[bool, typer.Option(help="Of draws, write the table alone.")] = False,
     workers: Workers = WORKERS,
     as_json: AsJson = False,
 ) -> None:
@@ -69,13 +77,16 @@ def export(
     model = _of_robot(source) if results is None else _of_study(results)
     if position:
         model = _at(model, position)
-    if draws and (results is None or model.covariance is None):
-        raise InvalidInput("--draws: a study is needed, whose fit has a covariance")
+    drawn_from = model.robot if results is None else results.fits.result
+    if draws:
+        _check_draws(drawn_from)
     target = output or model.folder / f"{_file_name(model.robot)}{ENDINGS[FORMATS[to]]}"
     left_out = _written(model, target, FORMATS[to])
     files = [target]
-    if draws and results is not None:
-        files += _drawn(results, model, target, FORMATS[to], draws)
+    if draws:
+        start = (0 if results is None else results.study.seed) if seed is None else seed
+        words = {"count": draws, "models": not table_only, "position": model.positions}
+        files += _drawn(drawn_from, target, FORMATS[to], start, words)
     say(
         lambda: "\n".join(
             [f"written  {_range(files)}", *(f"left out {line}" for line in left_out)]
@@ -136,24 +147,30 @@ def _written(model: _Model, target: Path, format: Format) -> tuple[str, ...]:
     return (*left_out, *model.no_covariance)
 
 
+def _check_draws(source: "FittedModel | ElasticRobot") -> None:
+    """Refuse draws of what has no covariance, before anything is written."""
+    from estimators import recommended_uncertainty
+
+    try:
+        recommended_uncertainty(source)
+    except IdentificationError as error:
+        raise InvalidInput(f"--draws: {error}") from None
+
+
 def _drawn(
-    results: "FittedStudy", model: _Model, target: Path, format: Format, count: int
+    source: "FittedModel | ElasticRobot",
+    target: Path,
+    format: Format,
+    seed: int,
+    words: dict[str, Any],
 ) -> "tuple[Path, ...]":
-    """Write robots drawn about a fit, the same ones every time for a study's seed."""
+    """Write robots drawn about a fit, the same ones every time for a seed, and their table."""
     import numpy as np
 
     from estimators.sampling.exported_draws import export_draws
 
-    rng = np.random.default_rng(results.study.seed)
-    return export_draws(
-        results.fits.result,
-        target,
-        format,
-        count=count,
-        rng=rng,
-        covariance=model.covariance,
-        position=model.positions,
-    )
+    rng = np.random.default_rng(seed)
+    return export_draws(source, target, format, rng=rng, table=True, **words)
 
 
 def _range(files: list[Path]) -> str:

@@ -10,7 +10,8 @@ from reports.commands.options import WORKERS, AsJson, Workers, say
 from robotmodels.common.errors import InvalidInput, nearest
 
 if TYPE_CHECKING:
-    from robotmodels import Frame
+    from estimators.validation.predict_tool import ToolPrediction
+    from robotmodels import ElasticRobot, Frame
     from robotmodels.common.arrays import Array
 
 
@@ -56,32 +57,38 @@ def predict(
     }
     fitted, robot, positions, folder = read_source(source, position, spread, workers)
     from estimators.validation.predict_tool import predict_tool
-    from reports.pages.prediction_page import write_prediction_page
-    from reports.summaries import prediction_summary as summary
-    from robotmodels.common.atomic_files import staged_folder
-    from robotmodels.common.plain_data import json_text
+    from reports.summaries.prediction_summary import tool_document, tool_summary
     from robotmodels.elastic.tool_response import tool_frame
 
     frame = _frame(link or tool_frame(robot).link, at, axes)
     omega = None if frequencies is None else read_frequencies(frequencies)
     prediction = predict_tool(fitted, positions, frame, omega, **words)
-    target = (output or folder).resolve()
+    files = _written(prediction, robot, (output or folder).resolve())
+    say(
+        lambda: tool_summary(prediction, files),
+        lambda: tool_document(prediction) | {"files": list(map(str, files))},
+        as_json,
+    )
+
+
+def _written(prediction: "ToolPrediction", robot: "ElasticRobot", target: Path) -> list[Path]:
+    """Write tables, numbers and the page into a folder, and return the files."""
+    from reports.pages.prediction_page import write_prediction_page
+    from reports.summaries import prediction_summary as summary
+    from robotmodels.common.atomic_files import staged_folder
+    from robotmodels.common.plain_data import json_text
+
     contents = {
         "prediction.csv": summary.tool_csv(prediction, robot.motor_names),
         "prediction.json": json_text(summary.tool_document(prediction)),
     }
-    if omega is not None:
+    if prediction.response is not None:
         contents["response.csv"] = summary.response_csv(prediction)
     with staged_folder(target) as staged:
         for name, content in contents.items():
             (staged / name).write_text(content, encoding="utf-8")
         write_prediction_page(prediction, robot.name, staged / "prediction.html")
-    files = [target / name for name in (*contents, "prediction.html")]
-    say(
-        lambda: summary.tool_summary(prediction, files),
-        lambda: summary.tool_document(prediction) | {"files": list(map(str, files))},
-        as_json,
-    )
+    return [target / name for name in (*contents, "prediction.html")]
 
 
 def _one_of(option: str, word: str, words: tuple[str, ...]) -> str:

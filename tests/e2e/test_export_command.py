@@ -79,7 +79,10 @@ def test_draws_are_exported_as_uncertain_as_the_fit(study: Path, tmp_path: Path)
     first = exported(study, *words, tmp_path / "a.yaml")["files"]
     again = exported(study, *words, tmp_path / "b.yaml")["files"]
     assert [Path(name).name for name in first[:2]] == ["a.yaml", "a-01.yaml"]
+    table = np.loadtxt(first.pop(), delimiter=",", skiprows=1)[:, 1:]
+    assert Path(again.pop()).name == "b-draws.csv"
     robots = [robotmodels.load_robot(name) for name in first]
+    np.testing.assert_allclose(table, [robot.parameters.values for robot in robots[1:]], rtol=1e-9)
     values = np.log([robot.parameters.values for robot in robots])
     repeated = np.log([robotmodels.load_robot(name).parameters.values for name in again])
     np.testing.assert_array_equal(values, repeated)
@@ -92,7 +95,12 @@ def test_draws_are_exported_as_uncertain_as_the_fit(study: Path, tmp_path: Path)
     bent = exported(
         study, "--to", "mjcf", "--draws", "2", "--position=10,20", "-o", tmp_path / "c.xml"
     )
-    assert [Path(name).name for name in bent["files"]] == ["c.xml", "c-1.xml", "c-2.xml"]
+    assert [Path(name).name for name in bent["files"]] == [
+        "c.xml", "c-1.xml", "c-2.xml", "c-draws.csv",
+    ]  # fmt: skip
+    alone = exported(study, *words, tmp_path / "d.yaml", "--table-only", "--seed", "5")["files"]
+    assert [Path(name).name for name in alone] == ["d.yaml", "d-draws.csv"]
+    assert not (np.loadtxt(alone[1], delimiter=",", skiprows=1)[:, 1:] == table).any()
     (tmp_path / "robot.yaml").write_text(ROBOT)
     target = tmp_path / "x.xml"
     code, _, err = oed(
@@ -100,7 +108,8 @@ def test_draws_are_exported_as_uncertain_as_the_fit(study: Path, tmp_path: Path)
     )
     assert code == 2
     assert not target.exists()
-    assert "--draws: a study is needed, whose fit has a covariance" in err
+    assert "--draws: prior: robot file" in err
+    assert "no standard deviation of a free parameter" in err
 
 
 def test_robots_are_exported_at_positions_in_degrees(tmp_path: Path) -> None:

@@ -108,11 +108,44 @@ def test_robots_drawn_from_a_fit(fit: estimators.Fit, tmp_path: Path) -> None:
     with pytest.raises(InvalidInput, match="count: 50; there are 40 draws"):
         estimators.export_draws(fit, file, count=50, rng=rng, draws=draws)
     with pytest.raises(InvalidInput, match="one of covariance and draws is needed"):
-        estimators.export_draws(fit, file, count=1, rng=rng)
+        estimators.export_draws(fit, file, count=1, rng=rng, covariance=covariance, draws=draws)
     with pytest.raises(InvalidInput, match=r"the variance of g1\.stiffness is -"):
         estimators.export_draws(fit, file, count=1, rng=rng, covariance=-covariance)
     with pytest.raises(InvalidInput, match=r"covariance: shape \(2, 2\)"):
         estimators.export_draws(fit, file, count=1, rng=rng, covariance=np.eye(2))
+
+
+def test_draws_are_a_table_too_the_same_for_a_seed(fit: estimators.Fit, tmp_path: Path) -> None:
+    """Jointly drawn, by what is recommended, as the files beside the table have them."""
+    for folder in ("a", "b"):
+        files = estimators.export_draws(
+            fit, tmp_path / folder / "r3.yaml", "robot", count=3, rng=np.random.default_rng(7),
+            table=True,
+        )  # fmt: skip
+    assert [file.name for file in files] == [
+        "r3-1.yaml", "r3-2.yaml", "r3-3.yaml", "r3-draws.csv",
+    ]  # fmt: skip
+    assert files[-1].read_text() == (tmp_path / "a" / "r3-draws.csv").read_text()
+    header, *rows = (line.split(",") for line in files[-1].read_text().splitlines())
+    assert header[1].startswith(f"{fit.parameters.names[0]} [")
+    values = np.array(rows, dtype=float)[:, 1:]
+    stored = [robotmodels.load_robot(file).parameters.values for file in files[:-1]]
+    np.testing.assert_allclose(values, stored, rtol=1e-9)
+    (alone,) = estimators.export_draws(
+        fit,
+        tmp_path / "many.xml",
+        count=2000,
+        rng=np.random.default_rng(7),
+        models=False,
+        table=True,
+    )
+    drawn = np.log(np.loadtxt(alone, delimiter=",", skiprows=1)[:, 1:])
+    known = estimators.recommended_uncertainty(fit)
+    std = drawn.std(axis=0, ddof=1)
+    np.testing.assert_allclose(std, known.std, rtol=0.08)
+    shape = np.corrcoef(drawn.T)
+    np.testing.assert_allclose(shape, known.correlation, atol=0.1)
+    assert np.abs(known.correlation - np.eye(6)).max() > 0.15  # independent ranges would not do
 
 
 def test_parameters_without_an_interval_have_no_standard_deviation(fit: estimators.Fit) -> None:
@@ -143,7 +176,7 @@ def test_a_fit_of_no_robot_has_none(fit: estimators.Fit) -> None:
 
     start = WithParameters(fit.model, fit.parameters.values * 1.1)
     assert replace(fit, model=start).robot(fit.trust).name == "manutec_r3"
-    with pytest.raises(InvalidInput, match="that of a robot file is needed"):
+    with pytest.raises(InvalidInput, match="only a robot of a robot file will do"):
         replace(fit, model=object()).robot(fit.trust)
 
 
