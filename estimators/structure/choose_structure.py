@@ -93,7 +93,8 @@ class StructureChoice(ReprHtml):
     stopped: str
 
     def __str__(self) -> str:
-        lines = [f"{len(self.springs)} springs added; {self.stopped}"]
+        count = len(self.springs)
+        lines = [f"{count} spring{'s' * (count != 1)} added; {self.stopped}"]
         for spring in self.springs:
             twins = self.twins[spring.name]
             group = f"; the data cannot tell it from {', '.join(twins)}: tie them" if twins else ""

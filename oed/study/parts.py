@@ -9,6 +9,8 @@ import numpy as np
 from estimators.fitting.least_squares import Fit
 from estimators.fitting.run_fit import RunFit
 from estimators.sampling.posterior import Posterior
+from estimators.structure.choose_structure import StructureChoice
+from estimators.structure.score_table import ScoreTable
 from estimators.uncertainty.covariance import Uncertainty
 from estimators.uncertainty.identifiability import Identifiability, fit_information, identifiability
 from estimators.uncertainty.residual_analysis import LAGS, ResidualAnalysis, residual_analysis
@@ -164,6 +166,26 @@ class Fits:
     def identifiability(self) -> Identifiability:
         """Which combinations of parameters the data tell least."""
         return identifiability(fit_information(self.result), self.result.parameters.names)
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """Which springs the data ask for.
+
+    Attributes
+    ----------
+    scores : ScoreTable
+        Score tests of the study's result: springs, numbers of the robot file, lines.
+    choice : StructureChoice
+        Springs chosen, step by step.
+    held_out : tuple of float, or None
+        Squared misfit per datum in positions held out, one is expected: of the study's result, then
+        after each step; None where the study holds none out.
+    """
+
+    scores: ScoreTable
+    choice: StructureChoice
+    held_out: tuple[float, ...] | None
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,13 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import TypeVar
 
-from oed.study.parts import Fits, RunRecord, UncertaintyOfResult
+from estimators.fitting.fit_problem import Measured
+from estimators.fitting.fitted_model import FittedModel
+from estimators.structure.choose_structure import choose_structure
+from estimators.structure.score_tests import score_tests
+from estimators.uncertainty.covariance import covariance
+from estimators.validation.held_out_positions import validate
+from oed.study.parts import Fits, RunRecord, Structure, UncertaintyOfResult
 from oed.study.results import FittedStudy, PlannedStudy, StudyResults
 from oed.study.settings.study_file import Study
 from oed.study.sources import MeasuredStudy, SimulatedDesign, SimulatedStudy
@@ -21,7 +27,7 @@ from oed.study.stages.profiles import profiles
 from oed.study.stages.result import SelectedFit, result
 from oed.study.stages.run import MeasuredRun, SimulatedRun, open_run
 from oed.study.stages.uncertainty import uncertainty
-from robotmodels.common.arrays import Array
+from robotmodels.common.arrays import Array, check_level
 from robotmodels.common.progress import StageProgress
 
 T = TypeVar("T")
@@ -61,6 +67,47 @@ def fit_study(
         fits = _Fits.of(source)
         record = _record(run.stages)
         return FittedStudy(study, run.robot, source.plan, record, source.results_data, fits.results)
+
+
+def structure_study(
+    study: Study,
+    progress: StageProgress | None = None,
+    *,
+    executor: Executor | None = None,
+    fresh: bool = False,
+    level: float = 0.01,
+    most: int = 8,
+) -> tuple[FittedStudy, Structure]:
+    """Compute which springs the data of a study ask for beside those of its robot.
+
+    Parameters, errors and what is stored, as far as the fit: see `run_study`.
+
+    Parameters
+    ----------
+    level, most : float, int
+        As of `estimators.choose_structure`.
+    """
+    check_level(level, "structure")
+    with open_run(study, progress, executor, fresh) as begun:
+        source = _source(begun)
+        fits = _Fits.of(source)
+        record = _record(source.run.stages)
+        results = FittedStudy(
+            study, source.run.robot, source.plan, record, source.results_data, fits.results
+        )
+        best = fits.results.result
+        choice = choose_structure(best, level=level, most=most)
+        out = source.split if isinstance(source, MeasuredStudy) else None
+        misfits = None
+        if out is not None:
+            ends = [best, *(step.fit for step in choice.steps)]
+            misfits = tuple(_misfit(end, out.value.held_out) for end in ends)
+        return results, Structure(score_tests(best), choice, misfits)
+
+
+def _misfit(fit: FittedModel, held_out: Measured) -> float:
+    """Return the squared misfit of a fit per datum of positions that it has not seen."""
+    return validate(fit.model, fit.parameters.values, held_out, covariance(fit)).misfit
 
 
 def run_study(

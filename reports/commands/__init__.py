@@ -21,6 +21,7 @@ from reports.commands import (
     sensors,
     simulate,
     steps,
+    structure,
 )
 
 _IN_ORDER = (
@@ -28,6 +29,7 @@ _IN_ORDER = (
     check,
     run,
     steps,
+    structure,
     sensors,
     replicate,
     report,

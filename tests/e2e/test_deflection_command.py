@@ -86,6 +86,7 @@ def test_a_study_of_movements_has_numbers_a_robot_file_and_a_page(movements, tmp
         "kr300_identified.yaml",
         "report.html",
     }
+    robotmodels.load_robot(results / "kr300_identified.yaml")  # it finds its URDF
     document = json.loads((results / "deflection.json").read_text())
     robot = robotmodels.load_robot("kr300")
     assumptions = estimators.DeflectionAssumptions(low_pass=4.0)

@@ -1,0 +1,65 @@
+"""``oed structure``: springs that a study's data ask for."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from reports import cli
+from robotmodels import load_robot, possible_springs, save_robot, with_springs
+
+ROBOT = load_robot("moberg_axis1")
+
+
+def oed(monkeypatch: pytest.MonkeyPatch, capsys, *words: str) -> tuple[object, str, str]:
+    monkeypatch.setattr(sys, "argv", ["oed", "structure", *words])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    return (ended.value.code or 0, *capsys.readouterr())
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    """A simulated study whose plant has a spring that the model has not."""
+    spring = next(s for s in possible_springs(ROBOT) if s.name == "arm1 67 % z")
+    hidden = spring.model_copy(update={"stiffness": 1e6, "damping": 1000.0})
+    save_robot(with_springs(ROBOT, [hidden], free=True), tmp_path / "truth.yaml")
+    save_robot(ROBOT, tmp_path / "robot.yaml")
+    content = {
+        "schema": "study/1",
+        "robot": "robot.yaml",
+        "truth": "truth.yaml",
+        "frequencies": {"low": 3.0, "high": 60.0, "count": 40},
+        "noise": {"relative": 0.01, "floor": 0.003},
+        "candidates": {"sobol": 8},
+        "design": {"experiments": 2},
+        "fit": {"starts": 1, "decades": 0.0, "residuals": ["nls"]},
+        "output": "out",
+    }
+    (tmp_path / "study.yaml").write_text(yaml.safe_dump(content))
+    return tmp_path / "study.yaml"
+
+
+def test_the_hidden_spring_is_named_and_the_robot_written(study, monkeypatch, capsys) -> None:
+    code, out, err = oed(monkeypatch, capsys, str(study), "--json", "--most", "2")
+    assert code == 0, err
+    content = json.loads(out)
+    names = {spring["name"]: spring for spring in content["springs"]}
+    assert any("arm1 67 % z" in (name, *one["twins"]) for name, one in names.items())
+    assert all(step["fall"] > 0 for step in content["steps"])
+    assert content["bic"][1] < content["bic"][0]
+    assert content["held_out"] is None
+    assert json.loads((study.parent / "out" / "structure.json").read_text())["files"] == []
+    robot = load_robot(study.parent / "out" / "structure.yaml")
+    assert {spring.name for spring in robot.file.springs} >= set(names)
+    code, out, err = oed(monkeypatch, capsys, str(study), "--most", "0")
+    assert code == 0, err
+    assert "score test" in out
+
+
+def test_a_level_that_is_none_is_refused(study, monkeypatch, capsys) -> None:
+    code, out, err = oed(monkeypatch, capsys, str(study), "--level", "0")
+    assert (code, out) == (2, "")
+    assert "level 0" in err
