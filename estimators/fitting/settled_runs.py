@@ -100,6 +100,7 @@ def settled_fit(
     *,
     weights: str | None = None,
     prior: Prior | None = None,
+    few: int | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
     **choice: Any,
@@ -123,6 +124,8 @@ def settled_fit(
         As of `fit`.
     prior : Prior, optional
         As of `fit`.
+    few : int, optional
+        Parts of a sequence of records at most, spread evenly, that searches take; by default all.
     executor : Executor, optional
         As of `multistart`.
     progress : Progress, optional
@@ -142,7 +145,10 @@ def settled_fit(
     InvalidInput, SolverFailed
         As `run_spectra` and `fit`.
     """
-    data = settled_runs(model, records, noise, prior=prior, **choice)
+    some = records
+    if few is not None and not isinstance(records, Records):
+        some = records[:: -(-len(records) // few)]
+    data = settled_runs(model, some, noise, prior=prior, **choice)
     searches = multistart(
         model,
         replace(data, coulomb=None),  # which is compiled

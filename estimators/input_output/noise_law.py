@@ -15,6 +15,8 @@ _STEPS = 300
 """To the maximum of the likelihood; of six axes covariances change by 1e-7 beyond."""
 _LEAST = 1e-4
 """Part of all power that each share keeps, so that S stays regular."""
+_NONE = 1e-100
+"""Where there is no power at all."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +61,7 @@ class NoiseLaw:
         sensors = _growth(omega, derivatives)[:, :, None] * np.eye(m)
         shares = np.concatenate([np.abs(response) ** 2, sensors], axis=2)  # (D, m, n + m)
         law = np.einsum("di,dij->j", power, shares) / np.einsum("dij,dij->j", shares, shares)
-        least = _LEAST * law
+        least = np.maximum(_LEAST * law, _NONE)
         for _ in range(_STEPS):
             expected = shares @ law
             slope = np.einsum("dij,di->j", shares, power / expected**2)
@@ -72,6 +74,13 @@ class NoiseLaw:
         passed = (response * self.disturbances) @ np.conj(np.swapaxes(response, -1, -2))
         sensors = _growth(omega, self.derivatives) * self.sensors
         return np.asarray(passed + sensors[..., None] * np.eye(len(self.sensors)))
+
+    def of_signals(self, omega: Array) -> ComplexArray:
+        """Return the covariance of outputs and torques behind S, (F, m + n, m + n)."""
+        sensors = _growth(omega, self.derivatives) * self.sensors
+        disturbances = np.tile(self.disturbances, (len(omega), 1))
+        variances = np.concatenate([sensors, disturbances], axis=1)
+        return np.asarray(variances[:, :, None] * np.eye(variances.shape[1]), dtype=complex)
 
     def root(self, omega: Array, response: ComplexArray) -> ComplexArray:
         """Return Cholesky factors of S, (..., F, m, m)."""

@@ -6,14 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from estimators.fitting.least_squares import as_fit, fit as fit_from
+from estimators.fitting.least_squares import as_fit
 from estimators.fitting.multistart import perturbed_starts
 from estimators.fitting.priors import Prior
 from estimators.fitting.run_fit import FrictionLevel, RunFit
 from estimators.fitting.run_problem import run_problem
-from estimators.fitting.settled_runs import runs_at, settled_fit, settled_runs
+from estimators.fitting.settled_runs import runs_at, settled_fit
 from estimators.fitting.trust_region import SearchResult
 from estimators.frf.frf_from_records import collected_warnings
+from estimators.frf.spectra import spectra
 from estimators.input_output.noise_law import NoiseLaw
 from estimators.input_output.run_spectra import run_spectra
 from estimators.trust.trust import Trust
@@ -27,7 +28,9 @@ from robotmodels.common.progress import Progress
 from robotmodels.linear.response import frequency_response
 from robotmodels.records.records import Records
 
-_STARTS = 4
+_STARTS, _SEARCHED = 4, 12
+"""Searches, and visits at most that they take: they have to come near."""
+
 _SAME_COST = 1e-3
 _DRIFT = 0.01
 """Probability of the drift test below which there is doubt."""
@@ -143,9 +146,7 @@ def noise_of_period(fit: RunFit, periods: Array) -> ComplexArray:
     law = NoiseLaw.likeliest(power, omega, response.reshape(-1, m, n), data.derivatives)
     scale = np.einsum("qfij,qfji->qf", np.linalg.inv(law.covariance(data.omega, response)), errors)
     scale = np.einsum("q,qf->f", periods / periods.sum(), scale.real) / m
-    sensors = data.omega[:, None] ** (2 * data.derivatives) * law.sensors
-    variances = np.concatenate([sensors, np.tile(law.disturbances, (len(scale), 1))], axis=1)
-    return np.asarray(np.eye(m + n) * (scale[:, None] * variances)[:, None, :], dtype=complex)
+    return np.asarray(scale[:, None, None] * law.of_signals(data.omega))
 
 
 def estimate(
@@ -178,7 +179,9 @@ def estimate(
     starts = perturbed_starts(robot.parameters, _STARTS, 0.3, rng)
     options: dict[str, Any] = {"friction": friction, "prior": prior, "progress": progress}
     with collected_warnings():  # said by visit
-        fit, searches = settled_fit(robot, records, starts, "detection", weak=True, **options)
+        fit, searches = settled_fit(
+            robot, records, starts, "detection", few=_SEARCHED, weak=True, **options
+        )
     theorem1, same = _covariance(fit), searches[0].cost * (1 + _SAME_COST)
     periods = np.array([visit.plan.periods for visit in visits], dtype=float)
     return Estimate(
@@ -226,16 +229,22 @@ def fit_at(
     return result
 
 
-def noise_in(
-    visit: Visit, robot: ElasticRobot, prior: Prior | None, *, friction: bool = True
-) -> ComplexArray:
-    """Return the covariance of one period, see `noise_of_period`, by one visit and the prior."""
-    with collected_warnings():
-        data = settled_runs(
-            robot, visit.records, "detection", friction=friction, prior=prior, weak=True
-        )
-        fit = fit_from(robot, data, prior=prior)
-    return noise_of_period(fit, np.array([float(visit.plan.periods)]))
+def noise_in(visit: Visit, robot: ElasticRobot) -> ComplexArray:
+    """Return the covariance of one period, (F, m + n, m + n), as periods of one visit scatter.
+
+    Friction is the same in each period, so that the guesses' FRF will do. Where it holds a motor
+    that hardly moves, disturbances seem smaller.
+    """
+    records, periods = visit.records, visit.plan.periods
+    lines = np.arange(records.lines[0], records.lines[-1] + 1)
+    first = max(records.torque.shape[3] - periods, 0)
+    scatter = spectra(records, lines=lines, first=first)
+    omega = 2 * np.pi * lines / (records.samples * records.sample_time)
+    response = frequency_response(robot, records.positions, omega)[0]
+    errors = scatter.noise_output - np.einsum("fmn,bjfne->bjfme", response, scatter.noise_input)
+    power = periods * (np.abs(errors) ** 2).mean(axis=(0, 1, 4))
+    law = NoiseLaw.likeliest(power, omega, response, records.derivatives)
+    return law.of_signals(records.omega)
 
 
 def _read(

@@ -113,7 +113,7 @@ class Evaluation:
         if latest is not None:
             return self.planner.forecast(latest, finite, self.settings.minutes - self.minutes)
         assert self.checked is not None
-        noise = noise_in(self.checked, self.robot, self._prior, friction=self.settings.friction)
+        noise = noise_in(self.checked, self.robot)
         return self.planner.expectation(noise, self._prior, finite)
 
     @property

@@ -17,6 +17,7 @@ from estimators.fitting.settled_runs import settled_runs
 from estimators.frf.file_formats import write_records
 from oed import Campaign, simulate_visits
 from oed.campaign.checks import check_low_level, drift
+from oed.campaign.estimate import noise_in
 from oed.campaign.planning import known_now
 from oed.campaign.settings import load_campaign
 from robotmodels import InvalidInput, Records, load_robot, surroundings
@@ -194,6 +195,19 @@ def test_drift_between_two_visits(campaign: Path) -> None:
         visit.records_file.unlink()
     assert values[0] > 1e-3
     assert values[1] < 1e-6
+
+
+def test_noise_before_a_fit_is_the_scatter_of_periods(campaign: Path) -> None:
+    """By the guesses' FRF disturbances of torques are about what they are."""
+    change(campaign, ("friction: 0", "friction: 0, torque_disturbance: 0.02"))
+    run_open(campaign)
+    opened = Campaign.load(campaign)
+    visit = opened.visits[0]
+    noise = noise_in(visit, opened.robot)
+    right = 0.02**2 / visit.plan.multisine.samples
+    assert noise[:, 1, 1].real == pytest.approx(np.full(len(noise), right), rel=0.5)
+    assert (noise[:, 0, 0].real > 0).all()
+    assert not noise[:, 0, 1].any()
 
 
 def test_moves_through_an_obstacle_are_not_free() -> None:
