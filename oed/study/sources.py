@@ -24,6 +24,7 @@ from oed.study.stages.information import (
     information,
     measured_information,
     sampled_information,
+    structure_information,
 )
 from oed.study.stages.result import SelectedFit
 from oed.study.stages.run import MeasuredRun, SimulatedRun
@@ -55,7 +56,8 @@ class SimulatedDesign:
         screened = candidates(run)
         info = information(run, screened)
         samples = sampled_information(run, screened)
-        return cls(run, screened, info, design(run, info, samples))
+        about = structure_information(run, screened) or info
+        return cls(run, screened, info, design(run, about, samples))
 
     @property
     def plan(self) -> DesignedPlan:

@@ -19,6 +19,8 @@
         kind: maximin            # or average
         std: 0.3                 # of their logarithms; left out: those of the robot file
         samples: 8               # of theta
+      tell_apart:                # springs as in a robot file, which the data shall show if there
+        - {name: b2x, joint: shoulder_lift_joint, axis: x, stiffness: 1.0e+6, damping: 1.0e+3}
       tolerance: 1.0e-6          # certified gap
       solver: cvxpy              # or newton, which is faster and takes every criterion but E
 
@@ -26,6 +28,8 @@ A time counts a move from home and back for each experiment, so that it suffices
 A robust design holds for samples of theta: the robot file's, and others whose logarithms are normal
 about it with standard deviation `std`: one number, or numbers by parameter or kind, as
 ``{stiffness: 0.2, damping: 0.7}``, or those that the robot file has of guesses or of a fit.
+With springs to tell apart the criterion is about the stiffnesses of these, too, at the values that
+are assumed: D over both, or Ds with interest in them (``[b2x.stiffness]``).
 """
 
 from typing import Annotated, Literal, Self
@@ -35,6 +39,7 @@ from pydantic import Field, model_validator
 from oed.experiment.loop_settings import MoveChoice
 from robotmodels.common.yaml_files import FileSection
 from robotmodels.description.ranges import Coordinate, Count, JointLimit, Seconds
+from robotmodels.description.robot_file import Spring
 
 Deviation = Annotated[float, Field(ge=1e-6, le=10)]
 
@@ -83,6 +88,7 @@ class DesignChoice(FileSection):
     forbidden: tuple[Ranges, ...] = ()
     groups: dict[str, GroupChoice] = {}
     robust: RobustChoice | None = None
+    tell_apart: Annotated[tuple[Spring, ...], Field(max_length=64)] = ()
     tolerance: Annotated[float, Field(ge=1e-12, le=1)] = 1e-6
     solver: Literal["cvxpy", "newton"] = "cvxpy"
 
@@ -93,6 +99,12 @@ class DesignChoice(FileSection):
             raise ValueError(
                 f"interest: criterion {self.criterion} {needed} parameters of interest"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> Self:
+        if self.robust is not None and self.tell_apart:
+            raise ValueError("robust and tell_apart: a design has one of them; leave one out")
         return self
 
     @model_validator(mode="after")

@@ -62,7 +62,8 @@ def comparison(
             run.noise,
             rng=rng,
             runs=run.study.compare.runs,
-            criterion=criterion_of(run.study.design),
+            # Springs to tell apart are no parameters: plans are compared by those.
+            criterion="D" if run.study.design.tell_apart else criterion_of(run.study.design),
             executor=run.executor,
             progress=report,
             store=folder,

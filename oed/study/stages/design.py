@@ -68,7 +68,10 @@ class StudyDesign:
 def design(
     run: SimulatedRun, info: Stage[Information], sampled: Sequence[Stage[Information]] = ()
 ) -> Stage[StudyDesign]:
-    """Return the design, the plan of whole experiments and the order of its positions."""
+    """Return the design, the plan of whole experiments and the order of its positions.
+
+    `info` is that of the parameters, and of springs to tell apart where there are any.
+    """
     choice = run.study.design
 
     def compute(folder: Path, report: Progress | None) -> StudyDesign:

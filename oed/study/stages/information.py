@@ -20,8 +20,8 @@ from oed.study.stage_cache import Files, Stage
 from oed.study.stages.data import Data
 from oed.study.stages.design_inputs import parameter_samples
 from oed.study.stages.run import MeasuredRun, SimulatedRun
-from robotmodels import ElasticRobot, sensitivity
-from robotmodels.common.errors import InvalidInput, NoEquilibrium
+from robotmodels import ElasticRobot, sensitivity, with_springs
+from robotmodels.common.errors import InvalidInput, NoEquilibrium, naming
 from robotmodels.common.progress import Progress
 from robotmodels.linear.derived_models import WithParameters
 
@@ -30,6 +30,7 @@ Information = InformationSet | StoredInformation
 LARGEST_IN_MEMORY = 256 * 2**20
 """Bytes of information matrices; more are stored in a file and read in chunks."""
 _STORE = "information.store"
+_STRUCTURE = "information-structure"
 
 _IN_MEMORY: Files[InformationSet] = Files(
     save=lambda info, folder: info.save(folder / "information.h5"),
@@ -62,6 +63,27 @@ def sampled_information(
     ]
 
 
+def structure_information(
+    run: SimulatedRun, screened: Stage[ScreenedCandidates]
+) -> Stage[Information] | None:
+    """Return the same of the parameters and of springs that a design is to tell apart, if any.
+
+    Raises
+    ------
+    InvalidInput
+        If the robot cannot have such a spring.
+    """
+    springs = run.study.design.tell_apart
+    if not springs:
+        return None
+    with naming("design.tell_apart"):
+        robot = with_springs(run.robot, springs, free=True)
+    choice, dampers = robot.file.parameters, [f"{spring.name}.damping" for spring in springs]
+    choice = choice.model_copy(update={"fixed": [*choice.fixed, *dampers]})
+    robot = ElasticRobot(robot.file.model_copy(update={"parameters": choice}), robot.folder)
+    return _information(run, screened, _STRUCTURE, robot)
+
+
 def _information(
     run: SimulatedRun,
     screened: Stage[ScreenedCandidates],
@@ -86,10 +108,16 @@ def _information(
         "candidates": screened.digest,
         **run.settings("frequencies", "noise"),
         **({} if robot is run.robot else {"values": robot.parameters.values.tolist()}),
+        **({"springs": _springs(run)} if name == _STRUCTURE else {}),
     }
     if len(screened.value) * len(robot.parameters) ** 2 * 8 > LARGEST_IN_MEMORY:
         return run.stages.run(name, inputs, write, _IN_CHUNKS)
     return run.stages.run(name, inputs, compute, _IN_MEMORY)
+
+
+def _springs(run: SimulatedRun) -> list[dict[str, object]]:
+    """Return the springs that a design is to tell apart."""
+    return [spring.model_dump(mode="json") for spring in run.study.design.tell_apart]
 
 
 @contextmanager
@@ -100,6 +128,8 @@ def _naming_sample(is_sample: bool, name: str) -> Iterator[None]:
     except NoEquilibrium as error:
         if not is_sample:
             raise
+        if name == _STRUCTURE:
+            raise InvalidInput(f"design.tell_apart: {error}; stiffer springs are needed") from error
         number = name.rsplit("-", 1)[-1]
         raise InvalidInput(
             f"design.robust: sample {number} of the parameters: {error}; a smaller std is needed"

@@ -1,0 +1,122 @@
+"""Designs that also tell whether and where springs are."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+import robotmodels
+from oed.study.pipeline import design_study
+from oed.study.settings.study_file import load_study
+from robotmodels import InvalidInput, possible_springs
+
+ROBOT = robotmodels.load_robot("manutec_r3")
+SPRING = next(spring for spring in possible_springs(ROBOT) if spring.name == "joint3 z")
+SPRING = SPRING.model_copy(update={"stiffness": 5e6, "damping": 5e3})
+OTHER = next(spring for spring in possible_springs(ROBOT) if spring.name == "joint2 z")
+OTHER = OTHER.model_copy(update={"stiffness": 2e7, "damping": 2e4})
+
+
+def _design(folder: Path, **design):
+    content = {
+        "schema": "study/1",
+        "robot": "manutec_r3",
+        "frequencies": {"low": 4.0, "high": 60.0, "count": 20},
+        "noise": {"relative": 0.03, "floor": 0.01},
+        "candidates": {"sobol": 24},
+        "design": {"experiments": 3} | design,
+        "output": "out",
+    }
+    folder.mkdir(exist_ok=True)
+    path = folder / "study.yaml"
+    path.write_text(yaml.safe_dump(content))
+    return design_study(load_study(path))
+
+
+def _springs(*springs):
+    return [s.model_dump(mode="json", exclude_none=True) for s in springs]
+
+
+def _detection(results):
+    """Information on the compliance beside the parameters: a Schur complement, by differences."""
+    positions = results.plan.positions
+    counts = results.plan.exact.repetitions[results.plan.used]
+    omega = results.plan.omega
+    robot = robotmodels.with_springs(ROBOT, [SPRING], free=True)
+    theta = robot.parameters.values
+    G = robotmodels.frequency_response(robot, positions, omega)
+    columns = []
+    for j, name in enumerate(robot.parameters.names):
+        if name == "joint3 z.damping":
+            continue
+        step = np.ones(len(theta))
+        step[j] = np.exp(1e-4)
+        up, down = (
+            robotmodels.frequency_response(robot, positions, omega, theta * step**sign)
+            for sign in (1, -1)
+        )
+        columns.append((up - down) / 2e-4)
+    names = [n for n in robot.parameters.names if n != "joint3 z.damping"]
+    white = np.stack(columns) * np.sqrt(
+        counts[:, None, None, None] / robotmodels.RelativeNoise(0.03, 0.01).variance(G)
+    )
+    flat = white.reshape(len(names), -1)
+    information = 2 * (flat.conj() @ flat.T).real
+    return (
+        1
+        / np.linalg.inv(information)[names.index("joint3 z.stiffness")][
+            names.index("joint3 z.stiffness")
+        ]
+    )
+
+
+def test_a_plan_that_tells_springs_apart_sees_them_better_and_has_a_certificate(tmp_path):
+    plain = _design(tmp_path / "a")
+    both = _design(tmp_path / "b", tell_apart=_springs(SPRING, OTHER))
+    only = _design(
+        tmp_path / "c",
+        tell_apart=_springs(SPRING),
+        criterion="Ds",
+        interest=["joint3 z.stiffness"],
+    )
+    for results in (both, only):
+        assert results.plan.design.gap <= 1e-6
+        assert results.plan.information.names == ROBOT.parameters.names
+        assert results.plan_summary.worst.std > 0
+    assert both.plan.design.names == (
+        *ROBOT.parameters.names[:3],
+        "joint3 z.stiffness",
+        "joint2 z.stiffness",
+        *ROBOT.parameters.names[3:],
+    )
+    seen = [_detection(results) for results in (plain, both, only)]
+    assert seen[2] > 0.9 * max(seen)
+    assert seen[1] > seen[0]
+    assert seen[2] > 1.2 * seen[0]
+    # The plain plan is the better one for the parameters alone, but for whole numbers.
+    volumes = [np.linalg.slogdet(_total(results))[1] for results in (plain, both)]
+    assert volumes[0] >= volumes[1] - 0.05
+
+
+def _total(results):
+    plan = results.plan
+    return np.tensordot(plan.exact.repetitions, plan.information.matrices, axes=1)
+
+
+@pytest.mark.parametrize(
+    ("design", "message"),
+    [
+        ({"robust": {"std": 0.3}}, "robust and tell_apart"),
+        ({"criterion": "Ds", "interest": ["joint9.stiffness"]}, "joint9.stiffness"),
+    ],
+)
+def test_what_does_not_fit_together_is_refused(tmp_path, design, message):
+    with pytest.raises(InvalidInput, match=message):
+        _design(tmp_path / "a", tell_apart=_springs(SPRING), **design)
+
+
+def test_a_spring_that_the_robot_has_is_refused(tmp_path):
+    again = ROBOT.file.springs[0].model_copy(update={"name": "again"})
+    with pytest.raises(InvalidInput, match=r"design\.tell_apart: springs: joint 'joint1' has 2"):
+        _design(tmp_path / "a", tell_apart=_springs(again))
