@@ -36,6 +36,7 @@ from .criteria.prediction_variance import (
     log_resonance_gradients as log_resonance_gradients,
     prediction_matrix as prediction_matrix,
 )
+from .criteria.purpose import purpose_criterion as purpose_criterion
 from .criteria.robust_criteria import (
     AverageCriterion as AverageCriterion,
     MaximinCriterion as MaximinCriterion,

@@ -41,6 +41,7 @@ def choose_sensors(
         if not isinstance(run, SimulatedRun):
             raise InvalidInput("data: sensors are chosen for candidates; leave the records out")
         positions = np.asarray(candidates(run).value.positions)
+        criterion = criterion_of(study.design, run.robot)
         base, added = sensor_information(run.robot, positions, run.omega, run.noise)
     for name in prices:
         if name not in added:
@@ -49,4 +50,4 @@ def choose_sensors(
                 f"{nearest(name, added)}; there are {', '.join(added)}"
             )
     sensors = {name: Sensor(info, prices.get(name, 1.0)) for name, info in added.items()}
-    return optimal_sensors(base, sensors, budget, criterion_of(study.design))
+    return optimal_sensors(base, sensors, budget, criterion)

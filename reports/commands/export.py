@@ -3,7 +3,7 @@
 import os
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -77,16 +77,14 @@ def export(
     model = _of_robot(source) if results is None else _of_study(results)
     if position:
         model = _at(model, position)
-    drawn_from = model.robot if results is None else results.fits.result
     if draws:
-        _check_draws(drawn_from)
+        _check_draws(model.source)
     target = output or model.folder / f"{_file_name(model.robot)}{ENDINGS[FORMATS[to]]}"
     left_out = _written(model, target, FORMATS[to])
     files = [target]
     if draws:
-        start = (0 if results is None else results.study.seed) if seed is None else seed
-        words = {"count": draws, "models": not table_only, "position": model.positions}
-        files += _drawn(drawn_from, target, FORMATS[to], start, words)
+        model = model if seed is None else replace(model, seed=seed)
+        files += _drawn(model, target, FORMATS[to], draws, not table_only)
     say(
         lambda: "\n".join(
             [f"written  {_range(files)}", *(f"left out {line}" for line in left_out)]
@@ -100,19 +98,25 @@ def export(
 
 @dataclass(frozen=True, eq=False)
 class _Model:
-    """A robot, default positions (Q, n), covariance of ln theta or why not, folder of its files."""
+    """A robot, default positions (Q, n), covariance of ln theta or why not, folder of its files.
+
+    It is drawn from its source, by a seed.
+    """
 
     robot: "ElasticRobot"
+    source: "FittedModel | ElasticRobot"
     positions: "Array | None"
     covariance: "Array | None"
     folder: Path
+    seed: int = 0
     no_covariance: tuple[str, ...] = ()
 
 
 def _of_robot(name: str) -> _Model:
     from robotmodels import load_robot
 
-    return _Model(load_robot(name), None, None, Path())
+    robot = load_robot(name)
+    return _Model(robot, robot, None, None, Path())
 
 
 def _of_study(results: "FittedStudy") -> _Model:
@@ -120,13 +124,13 @@ def _of_study(results: "FittedStudy") -> _Model:
     from estimators.uncertainty.covariance import covariance
 
     fit, positions = results.fits.result, results.plan.positions
-    folder = results.study.output
+    folder, seed = results.study.output, results.study.seed
     try:
         matrix = covariance(fit).covariance
     except IdentificationError as error:  # the model can be written all the same
         robot = fit.robot(results.trust)
-        return _Model(robot, positions, None, folder, (f"covariance: {error}",))
-    return _Model(fit.robot(results.trust, matrix), positions, matrix, folder)
+        return _Model(robot, fit, positions, None, folder, seed, (f"covariance: {error}",))
+    return _Model(fit.robot(results.trust, matrix), fit, positions, matrix, folder, seed)
 
 
 def _at(model: _Model, position: list[str]) -> _Model:
@@ -158,19 +162,24 @@ def _check_draws(source: "FittedModel | ElasticRobot") -> None:
 
 
 def _drawn(
-    source: "FittedModel | ElasticRobot",
-    target: Path,
-    format: Format,
-    seed: int,
-    words: dict[str, Any],
+    model: _Model, target: Path, format: Format, count: int, models: bool
 ) -> "tuple[Path, ...]":
     """Write robots drawn about a fit, the same ones every time for a seed, and their table."""
     import numpy as np
 
     from estimators.sampling.exported_draws import export_draws
 
-    rng = np.random.default_rng(seed)
-    return export_draws(source, target, format, rng=rng, table=True, **words)
+    rng = np.random.default_rng(model.seed)
+    return export_draws(
+        model.source,
+        target,
+        format,
+        count=count,
+        rng=rng,
+        position=model.positions,
+        models=models,
+        table=True,
+    )
 
 
 def _range(files: list[Path]) -> str:

@@ -1,8 +1,17 @@
 """The section ``design`` of a study file: criterion, limits, and how sure theta is.
 
     design:
-      criterion: D               # or A, E, Ds, As
+      criterion: D               # or A, E, Ds, As, I
       interest: [g1.stiffness]   # parameters that Ds and As are about
+      purpose:                   # what I is to predict: its mean relative variance
+        quantity: tool_compliance                        # or resonances, damping_ratios
+        link: tool0              # of compliance; left out: the last one
+        at: [0.0, 0.0, 0.1]      # point in its frame [m]
+        direction: [0, 0, 1]     # in the base's axes; left out: all three half axes
+        count: 1                 # of resonances or damping ratios
+        motors: clamped          # or free
+        region: {elbow_joint: [0.5, 2.0]}                # ranges; left out: all joints' ranges
+        positions: 32            # so many, all over the region
       experiments: 15            # visits with a run per motor; left out where there is a time: any
       most: 1                    # in one position; left out: any number
       time: 3600.0               # of all experiments and moves [s]
@@ -38,7 +47,7 @@ from pydantic import Field, model_validator
 
 from oed.experiment.loop_settings import MoveChoice
 from robotmodels.common.yaml_files import FileSection
-from robotmodels.description.ranges import Coordinate, Count, JointLimit, Seconds
+from robotmodels.description.ranges import Coordinate, Count, JointLimit, Seconds, Vector
 from robotmodels.description.robot_file import Spring
 
 Deviation = Annotated[float, Field(ge=1e-6, le=10)]
@@ -66,6 +75,19 @@ class GroupChoice(FileSection):
         return self
 
 
+class PurposeChoice(FileSection):
+    """What is to be predicted, and where."""
+
+    quantity: Literal["tool_compliance", "resonances", "damping_ratios"]
+    link: str | None = None
+    at: Vector = (0.0, 0.0, 0.0)
+    direction: Vector | None = None
+    count: Count = 1
+    motors: Literal["clamped", "free"] = "clamped"
+    region: Ranges | None = None
+    positions: Annotated[int, Field(ge=1, le=10_000)] = 32
+
+
 class RobustChoice(FileSection):
     """Samples of theta for which a design is to hold, the robot file's values first."""
 
@@ -77,8 +99,9 @@ class RobustChoice(FileSection):
 class DesignChoice(FileSection):
     """What to maximise and within what limits; see the module."""
 
-    criterion: Literal["D", "A", "E", "Ds", "As"] = "D"
+    criterion: Literal["D", "A", "E", "Ds", "As", "I"] = "D"
     interest: tuple[str, ...] = ()
+    purpose: PurposeChoice | None = None
     experiments: Count = 15
     most: Count | None = None
     time: Seconds | None = None
@@ -103,8 +126,15 @@ class DesignChoice(FileSection):
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Self:
-        if self.robust is not None and self.tell_apart:
-            raise ValueError("robust and tell_apart: a design has one of them; leave one out")
+        for name in ("robust", "purpose"):
+            if getattr(self, name) is not None and self.tell_apart:
+                raise ValueError(f"{name} and tell_apart: a design has one of them; leave one out")
+        return self
+
+    @model_validator(mode="after")
+    def _purpose(self) -> Self:
+        if (self.criterion == "I") != (self.purpose is not None):
+            raise ValueError("purpose: criterion I needs one, and no other has one")
         return self
 
     @model_validator(mode="after")

@@ -63,7 +63,9 @@ def comparison(
             rng=rng,
             runs=run.study.compare.runs,
             # Springs to tell apart are no parameters: plans are compared by those.
-            criterion="D" if run.study.design.tell_apart else criterion_of(run.study.design),
+            criterion=criterion_of(run.study.design, run.robot)
+            if not run.study.design.tell_apart
+            else "D",
             executor=run.executor,
             progress=report,
             store=folder,

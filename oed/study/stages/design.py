@@ -77,11 +77,12 @@ def design(
     def compute(folder: Path, report: Progress | None) -> StudyDesign:
         positions = np.asarray(info.value.positions)
         constraints = constraints_of(choice, run.robot, positions)
+        criterion = criterion_of(choice, run.robot)
         if choice.robust is None:
-            plan = _for_one(choice, info.value, constraints)
+            plan = _for_one(choice, criterion, info.value, constraints)
         else:
             sets = (info.value, *(stage.value for stage in sampled))
-            plan = _for_all(choice, choice.robust.kind, InformationSamples(sets), constraints)
+            plan = _for_all(choice, criterion, InformationSamples(sets), constraints)
         return replace(plan, order=_order(run, positions, plan.exact))
 
     inputs = {
@@ -102,10 +103,12 @@ def visits(info: Stage[Information], plan: Stage[StudyDesign]) -> Visits:
 
 
 def _for_one(
-    choice: DesignChoice, info: Information, constraints: Constraints | None
+    choice: DesignChoice,
+    criterion: str | Criterion,
+    info: Information,
+    constraints: Constraints | None,
 ) -> StudyDesign:
     """Return the plan that is best at the robot file's values."""
-    criterion = criterion_of(choice)
     relaxed = optimal_design(
         info, criterion, constraints, tolerance=choice.tolerance, solver=choice.solver
     )
@@ -115,10 +118,13 @@ def _for_one(
 
 
 def _for_all(
-    choice: DesignChoice, kind: str, samples: InformationSamples, constraints: Constraints | None
+    choice: DesignChoice,
+    criterion: str | Criterion,
+    samples: InformationSamples,
+    constraints: Constraints | None,
 ) -> StudyDesign:
     """Return the plan that holds for samples of theta."""
-    criterion = criterion_of(choice)
+    kind = "maximin" if choice.robust is None else choice.robust.kind
     robust = robust_design(
         samples,
         criterion,

@@ -2,15 +2,22 @@
 
 import numpy as np
 
-from estimators import robot_prior
-from oed.candidates.grids import candidate_at
+from estimators import DampingRatios, Quantity, Resonances, ToolCompliance, robot_prior
+from oed.candidates.grids import candidate_at, sobol_positions
 from oed.criteria.criteria import AsCriterion, Criterion, DsCriterion
+from oed.criteria.purpose import purpose_criterion
 from oed.criteria.targets import by_name_or_kind
 from oed.design.constraints import Constraints, Group
 from oed.experiment.loop_settings import per_motor
 from oed.experiment.moves import MoveLimits, move_times
-from oed.study.settings.design_settings import DesignChoice, Moves, Ranges, RobustChoice
-from robotmodels import ElasticRobot
+from oed.study.settings.design_settings import (
+    DesignChoice,
+    Moves,
+    PurposeChoice,
+    Ranges,
+    RobustChoice,
+)
+from robotmodels import ElasticRobot, Frame, tool_frame
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.errors import InvalidInput, NoEquilibrium, nearest
 
@@ -19,11 +26,29 @@ _MOST_TRIED = 1000  # candidates in which a sample must hold the robot up
 _SLACK = 1e-9  # [rad] or [m]: ends of ranges belong to them in spite of rounding
 
 
-def criterion_of(choice: DesignChoice) -> str | Criterion:
-    """Return the criterion, for one theta."""
+def criterion_of(choice: DesignChoice, robot: ElasticRobot) -> str | Criterion:
+    """Return the criterion, for one theta.
+
+    Raises
+    ------
+    IdentificationError
+        If what the design is for does not exist in its region.
+    """
+    if choice.purpose is not None:
+        purpose = choice.purpose
+        region = sobol_positions(robot, purpose.positions, purpose.region)
+        return purpose_criterion(robot, _quantity(purpose, robot), region)
     if choice.criterion == "Ds":
         return DsCriterion(choice.interest)
     return AsCriterion(choice.interest) if choice.criterion == "As" else choice.criterion
+
+
+def _quantity(purpose: PurposeChoice, robot: ElasticRobot) -> Quantity:
+    if purpose.quantity == "tool_compliance":
+        frame = Frame(purpose.link or tool_frame(robot).link, purpose.at)
+        return ToolCompliance(frame, purpose.direction)
+    kind = Resonances if purpose.quantity == "resonances" else DampingRatios
+    return kind(purpose.count, purpose.motors)
 
 
 def constraints_of(
