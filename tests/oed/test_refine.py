@@ -107,7 +107,7 @@ def test_a_robot_above_the_floor(tmp_path):
         omega,
         noise,
         surroundings=around,
-        finer=48,
+        finer=16,
         tolerance=0.05,
         max_rounds=2,
         rng=np.random.default_rng(1),
