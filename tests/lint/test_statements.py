@@ -1,8 +1,6 @@
 """The check of statement counts counts as it says, and complains where a limit is exceeded."""
 
-import json
-
-from statements import LIMITS, LONG, ROOT, counts, document, exceeded
+from statements import LONG, counts, document, exceeded
 
 MODULE = '''
 """A module's docstring is no statement."""
@@ -25,10 +23,6 @@ def write_packages(folder, text):
         (folder / package).mkdir(exist_ok=True)
     (folder / "oed" / "model.py").write_text(text, encoding="utf-8")
     return counts(folder)
-
-
-def test_the_packages_are_within_their_limits():
-    assert exceeded(json.loads(LIMITS.read_text()), *counts(ROOT)) == []
 
 
 def test_statements_are_counted_without_docstrings(tmp_path):

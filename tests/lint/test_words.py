@@ -56,7 +56,3 @@ def test_more_than_allowed_fails(monkeypatch, capsys):
     monkeypatch.setattr(words, "ALLOWED", {"robotmodels": -1})
     assert words.main() == 1
     assert "-1 are allowed" in capsys.readouterr().out
-
-
-def test_the_rooms_have_no_more_than_allowed():
-    assert words.main() == 0
