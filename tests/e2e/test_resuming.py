@@ -158,6 +158,7 @@ def test_fit_says_in_one_line_what_is_wrong_with_a_file_of_frfs(measured):
     from dataclasses import replace
 
     path, _ = measured
+    path.write_text(MEASURED.replace("[lls, nls], decades: 0.2, starts: 2", "[nls], starts: 1"))
     right = estimators.read_frf(path.parent / "frf.h5")
     factor = np.degrees(1.0)
     degrees = replace(
