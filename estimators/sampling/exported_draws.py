@@ -20,7 +20,7 @@ from robotmodels.exports.robot_files import with_values
 
 
 def export_draws(
-    source: FittedModel | ElasticRobot,
+    fit: FittedModel | ElasticRobot,
     path: str | Path,
     format: Format = "mjcf",
     *,
@@ -36,7 +36,7 @@ def export_draws(
 
     Parameters
     ----------
-    source : Fit, RunFit or ElasticRobot
+    fit : Fit, RunFit or ElasticRobot
         The fit of a robot, or a robot whose file has standard deviations.
     path : str or Path
         Name of the files, to which ``-1``, ``-2`` ... is added before the ending.
@@ -69,10 +69,10 @@ def export_draws(
         If both `covariance` and `draws` are given, they do not fit the parameters, or
         `robotmodels.export` refuses a robot.
     """
-    check_kind(source, (FittedModel, ElasticRobot), "export_draws: source")
+    check_kind(fit, (FittedModel, ElasticRobot), "export_draws: fit")
     check_count(count, "count")
-    robot = source if isinstance(source, ElasticRobot) else source.robot()
-    drawn = _draws(source, covariance, draws, count, rng)
+    robot = fit if isinstance(fit, ElasticRobot) else fit.robot()
+    drawn = _draws(fit, covariance, draws, count, rng)
     path, width = Path(path), len(str(count))
     files = [path.with_stem(f"{path.stem}-{i + 1:0{width}}") for i in range(count * models)]
     for file, ln_theta in zip(files, drawn, strict=models):
@@ -84,14 +84,14 @@ def export_draws(
 
 
 def _draws(
-    source: FittedModel | ElasticRobot,
+    fit: FittedModel | ElasticRobot,
     covariance: Array | None,
     draws: Array | None,
     count: int,
     rng: np.random.Generator,
 ) -> Array:
     """Return draws of ln theta, (count, p)."""
-    names = source.parameters.names
+    names = fit.parameters.names
     p = len(names)
     if covariance is not None and draws is not None:
         raise InvalidInput("export_draws: one of covariance and draws is needed, not both")
@@ -101,11 +101,11 @@ def _draws(
             raise InvalidInput(f"count: {count}; there are {len(drawn)} draws")
         return np.asarray(rng.choice(drawn, count, replace=False))
     if covariance is None:
-        matrix = recommended_uncertainty(source).covariance
+        matrix = recommended_uncertainty(fit).covariance
     else:
         matrix = _checked(covariance, "covariance", (p, p))
         Uncertainty(names, matrix, "given")  # refuses what is no covariance
-    return parameter_draws(source.parameters.values, matrix, count, rng)
+    return parameter_draws(fit.parameters.values, matrix, count, rng)
 
 
 def _table(parameters: Parameters, values: Array) -> str:
