@@ -31,6 +31,9 @@ from robotmodels.records.records import Records
 _STARTS, _SEARCHED = 4, 12
 """Searches, and visits at most that they take: they have to come near."""
 
+_FARTHEST = 0.3
+"""Decades from guesses to where searches begin."""
+
 _SAME_COST = 1e-3
 _DRIFT = 0.01
 """Probability of the drift test below which there is doubt."""
@@ -176,7 +179,7 @@ def estimate(
         Whether levels of Coulomb friction are estimated along.
     """
     records, peaks, warnings = _read(visits, robot if friction else None)
-    starts = perturbed_starts(robot.parameters, _STARTS, 0.3, rng)
+    starts = perturbed_starts(robot.parameters, _STARTS, _decades(robot, prior), rng)
     options: dict[str, Any] = {"friction": friction, "prior": prior, "progress": progress}
     with collected_warnings():  # said by visit
         fit, searches = settled_fit(
@@ -199,6 +202,16 @@ def estimate(
         peaks=peaks,
         warnings=warnings,
     )
+
+
+def _decades(robot: ElasticRobot, prior: Prior | None) -> float:
+    """Return how far from guesses searches begin: as far as they may be off, `_FARTHEST` at most.
+
+    Farther starts end in other minima, and tell nothing against the numbers.
+    """
+    if prior is None or len(prior.names) < len(robot.parameters):
+        return _FARTHEST
+    return float(min(_FARTHEST, prior.std.max() / np.log(10)))
 
 
 def _covariance(fit: RunFit) -> Uncertainty:
