@@ -25,6 +25,7 @@ from robotmodels.records.records import Records
 Noise = str | tuple[ArrayLike, ArrayLike]
 """Where the noise is seen, or what it is, see `run_spectra`."""
 
+_UNSETTLED = "runs: noise and friction"
 _MOST = 6
 _COARSE = 1e-5
 """Relative change of costs at which fits in between end."""
@@ -84,7 +85,7 @@ def settled_runs(
             return data
         result = fit(model, data, start=values, prior=prior, tolerance=_COARSE)
     warnings.warn(
-        f"runs: noise and friction still change values by {change:.2g} after {_MOST} fits; start "
+        f"{_UNSETTLED} still change values by {change:.2g} after {_MOST} fits; start "
         "nearer, or measure more",
         IdentificationWarning,
         stacklevel=2,
@@ -148,7 +149,9 @@ def settled_fit(
     some = records
     if few is not None and not isinstance(records, Records):
         some = records[:: -(-len(records) // few)]
-    data = settled_runs(model, some, noise, prior=prior, **choice)
+    with warnings.catch_warnings():  # by guesses runs need not settle
+        warnings.filterwarnings("ignore", _UNSETTLED, IdentificationWarning)
+        data = settled_runs(model, some, noise, prior=prior, **choice)
     searches = multistart(
         model,
         replace(data, coulomb=None),  # which is compiled
