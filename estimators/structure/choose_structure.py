@@ -22,8 +22,8 @@ from robotmodels.common.printing import ReprHtml
 from robotmodels.description.robot_file import Spring
 from robotmodels.elastic.possible_springs import possible_springs
 
-_PASSES = 3
-"""Rounds of exchanges after each addition."""
+_PASSES = 4
+"""Steps for each spring that may be added, at most: exchanges could go round in a circle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,14 +139,12 @@ def choose_structure(
     robot = robot_of(fit.model)
     springs = possible_springs(robot) if elements is None else tuple(elements)
     choice = _Choice(Refits(robot, springs, tuple(damping_times)), level, fit)
-    stopped = f"{most} springs are the most that were asked for"
-    while len(choice.added) < most:
+    stopped = ""
+    while not stopped and len(choice.added) < most:
         stopped = choice.add()
-        if stopped:
-            break
-        for _ in range(_PASSES):
-            if not choice.improve():
-                break
+        while not stopped and choice.improve() and len(choice.steps) < _PASSES * most:
+            pass
+    stopped = stopped or f"no more than {most} were asked for"
     end = choice.fit
     values = dict(zip(end.parameters.names, end.parameters.values, strict=True))
     return StructureChoice(

@@ -27,6 +27,8 @@ _PARTS = (
     ("tool", "second", 6.0, 1.0),
 )
 
+_MARKS = ("marks", "second", 9.0, 0.8)
+
 
 @dataclass(frozen=True)
 class Scene:
@@ -58,8 +60,10 @@ def scene_of(skeletons: list[Array]) -> Scene:
     return Scene(radius, float(x_min), float(y_min), float(width), float(height))
 
 
-def stick_figure(skeleton: Array, scene: Scene, alt: str) -> Markup:
+def stick_figure(skeleton: Array, scene: Scene, alt: str, marks: Array | None = None) -> Markup:
     """Return the picture of one position: floor, shadow, links from base to tool.
+
+    With `marks` (r, 3), which are drawn as large dots, the page's script does not turn it.
 
     Parameters
     ----------
@@ -77,6 +81,7 @@ def stick_figure(skeleton: Array, scene: Scene, alt: str) -> Markup:
         "joints": _dots(joints),
         "pins": _dots(joints),
         "tool": _dots(skeleton[-1:]),
+        "marks": "" if marks is None else _dots(_rounded(marks)),
     }
     box = " ".join(f"{v:.3f}" for v in (scene.x_min, scene.y_min, scene.width, scene.height))
     scale = scene.width / _WIDTH
@@ -84,8 +89,10 @@ def stick_figure(skeleton: Array, scene: Scene, alt: str) -> Markup:
         f'<path class="{name}" d="{lines[name]}" fill="none" stroke="var(--{colour})" '
         f'stroke-width="{scale * width:.4f}" stroke-linecap="round" stroke-linejoin="round"'
         + (f' opacity="{opacity}"/>' if opacity < 1 else "/>")
-        for name, colour, width, opacity in _PARTS
+        for name, colour, width, opacity in (_PARTS if marks is None else (*_PARTS[:-1], _MARKS))
     )
+    if marks is not None:
+        return Markup(f'<svg viewBox="{box}" role="img" aria-label="{escape(alt)}">{paths}</svg>')
     data = json.dumps(skeleton.tolist(), separators=(",", ":"))
     return Markup(
         f'<svg viewBox="{box}" role="img" aria-label="{escape(alt)}" data-robot="{data}" '

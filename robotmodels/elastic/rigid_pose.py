@@ -1,9 +1,12 @@
 """The rigid robot in a position: its configuration, and what holds it against gravity."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pinocchio as pin
 
 from robotmodels.common.arrays import Array, real_numbers
+from robotmodels.description.robot_file import Spring
 from robotmodels.elastic.dynamics import gravity_torques
 from robotmodels.elastic.robot import ElasticRobot
 
@@ -46,6 +49,28 @@ def joint_origins(robot: ElasticRobot, position: Array) -> Array:
     tool = max(i for i, f in enumerate(rigid.frames) if f.parentJoint == chain[-1])
     origins = [data.oMi[joint].translation for joint in chain]
     return np.array([*origins, data.oMf[tool].translation])
+
+
+def spring_origins(robot: ElasticRobot, springs: Sequence[Spring], position: Array) -> Array:
+    """Return where springs of joints and links are, (s, 3) [m], at `position` (n,), all unloaded.
+
+    Raises
+    ------
+    InvalidInput
+        If the position has a wrong shape or is outside the joint limits.
+    """
+    rigid = robot.rigid
+    (q,) = configurations(robot, robot.checked_positions(real_numbers(position, "position")[None]))
+    data = rigid.createData()
+    pin.framesForwardKinematics(rigid, data, q)
+    return np.array(
+        [
+            data.oMi[rigid.getJointId(spring.joint)].translation
+            if spring.joint is not None
+            else data.oMf[rigid.getFrameId(spring.link, pin.BODY)].act(np.array(spring.at))
+            for spring in springs
+        ]
+    ).reshape(-1, 3)
 
 
 def unloaded(robot: ElasticRobot, positions: Array) -> Array:

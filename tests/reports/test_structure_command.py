@@ -52,10 +52,14 @@ def test_the_hidden_spring_is_named_and_the_robot_written(study, monkeypatch, ca
     assert content["bic"][1] < content["bic"][0]
     assert content["held_out"] is None
     assert json.loads((study.parent / "out" / "structure.json").read_text())["files"] == []
+    page = (study.parent / "out" / "structure.html").read_text()
+    assert "Stick figure of the robot. Marked: " in page
+    assert "arm1 67 % z" in page
     robot = load_robot(study.parent / "out" / "structure.yaml")
     assert {spring.name for spring in robot.file.springs} >= set(names)
-    code, out, err = oed(monkeypatch, capsys, str(study), "--most", "0")
+    code, out, err = oed(monkeypatch, capsys, str(study), "--most", "1")
     assert code == 0, err
+    assert "1 spring added: no more than 1 were asked for" in out
     assert "score test" in out
 
 

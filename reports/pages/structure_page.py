@@ -1,0 +1,144 @@
+"""The page of ``oed structure``: springs that data ask for, and the score tests that say so."""
+
+from pathlib import Path
+
+from markupsafe import Markup
+
+from estimators.structure.score_table import Score
+from oed.study.parts import Structure
+from oed.study.results import FittedStudy
+from reports import text
+from reports.figures import robot_pictures
+from reports.page_elements import (
+    Cell,
+    Column,
+    Number,
+    Section,
+    Table,
+    filled,
+    numbers,
+    page,
+    table,
+)
+from robotmodels.common.atomic_files import write_text
+from robotmodels.elastic.rigid_pose import joint_origins, spring_origins
+
+MARKED = 4
+"""Springs with the strongest evidence, which the picture marks."""
+
+
+def write_structure_page(results: FittedStudy, structure: Structure, path: Path) -> None:
+    """Write the choice of springs as one HTML file that needs nothing else."""
+    choice = structure.choice
+    choice_body = filled(
+        "structure.html.j2",
+        stopped=choice.stopped,
+        springs=spring_table(structure),
+        steps=step_table(structure),
+    )
+    drawing, caption = suspects(results, structure)
+    scores_body = filled(
+        "structure_scores.html.j2",
+        count=len(structure.scores),
+        picture=drawing,
+        caption=caption,
+        scores=score_table(structure),
+    )
+    content = page(
+        title=results.robot.name,
+        kind="structure from data",
+        kicker="Which springs the data ask for",
+        lead="Springs beside those of the robot file, chosen by score tests and refits.",
+        sections=[
+            Section("springs", "Springs", choice_body),
+            Section("scores", "Score tests", scores_body),
+        ],
+    )
+    write_text(path, content)
+
+
+def spring_table(structure: Structure) -> Table:
+    """Return the chosen springs, each with those that the data cannot tell from it."""
+    choice = structure.choice
+    rows = [
+        (
+            spring.name,
+            _number(float(str(spring.stiffness))),
+            _number(spring.damping),
+            text.listed(list(choice.twins[spring.name])) if choice.twins[spring.name] else "–",
+        )
+        for spring in choice.springs
+    ]
+    columns = [
+        Column("spring"),
+        *numbers("stiffness [N m/rad]", "damping [N m s/rad]"),
+        Column("or, as likely", "words"),
+    ]
+    return table("chosen", "Springs that were added, with fitted values.", columns, rows)
+
+
+def step_table(structure: Structure) -> Table:
+    """Return the steps of the choice."""
+    choice, misfits = structure.choice, structure.held_out
+    rows: list[tuple[Cell, ...]] = [("as it is", "", "", _number(choice.bic[0], 6))]
+    for step in choice.steps:
+        instead = f" instead of {step.instead_of}" if step.instead_of else ""
+        what = f"{step.action} {step.spring}{instead}"
+        falls = _number(step.expected), _number(step.fall)
+        rows.append((what, *falls, _number(step.bic, 6)))
+    columns = [Column("step"), *numbers("expected fall", "fall of the cost", "BIC")]
+    if misfits is not None:
+        columns += numbers("held out")
+        rows = [(*row, _number(each)) for row, each in zip(rows, misfits, strict=True)]
+    return table("steps", "Steps of the choice.", columns, rows)
+
+
+def score_table(structure: Structure) -> Table:
+    """Return the score tests."""
+    rows = [
+        (
+            score.name,
+            _number(score.probability, 2),
+            _number(score.estimate),
+            text.listed([text.significant(end, 3) for end in score.interval]),
+            score.unit,
+            _number(score.fall),
+        )
+        for score in structure.scores
+    ]
+    columns = [
+        Column("test"),
+        *numbers("p"),
+        *numbers("size"),
+        Column("95 % interval"),
+        Column("unit", "u"),
+        *numbers("expected fall"),
+    ]
+    caption = "Sizes by one linear step; those of springs are compliances, which are not negative."
+    return table("tests", caption, columns, rows)
+
+
+def suspects(results: FittedStudy, structure: Structure) -> tuple[Markup | None, str]:
+    """Return the robot with the strongest suspects marked, and what the marks are."""
+    firing = [score for score in structure.scores.significant() if score.spring is not None]
+    springs = [score.spring for score in firing[:MARKED] if score.spring is not None]
+    if not springs:
+        return None, ""
+    position = results.plan.positions[0]
+    skeleton = joint_origins(results.robot, position)
+    caption = f"Marked: {text.listed([_words(score) for score in firing[:MARKED]])}."
+    drawing = robot_pictures.stick_figure(
+        skeleton,
+        robot_pictures.scene_of([skeleton]),
+        f"Stick figure of the robot. {caption}",
+        spring_origins(results.robot, springs, position),
+    )
+    return drawing, caption
+
+
+def _words(score: Score) -> str:
+    return f"{score.name} (p = {text.significant(score.probability, 2)})"
+
+
+def _number(value: float, digits: int = 3) -> Number:
+    return Number(text.significant(value, digits), value)
