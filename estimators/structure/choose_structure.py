@@ -41,7 +41,8 @@ class StructureStep:
     expected, fall : float
         Expected and actual fall of the fit's cost.
     bic : float
-        Schwarz's criterion after the step: twice the cost and ln N for each parameter.
+        Schwarz's criterion after the step: twice the cost and ln N for each parameter; of weights
+        that make no likelihood of the cost it means nothing.
     fit : FittedModel
         Fit after the step.
     """

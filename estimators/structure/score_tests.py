@@ -172,16 +172,17 @@ def _of_lines(fit: LinearisedFit) -> Score:
     by_noise = fit.noise_fit
     probabilities = line_probabilities(by_noise)
     q, f, k = np.unravel_index(int(probabilities.argmin()), probabilities.shape)
-    weight = float(by_noise.noise_weights[q, f, k])
+    weights = fit.weights[q, f, k] if fit.weights.ndim == 3 else fit.weights[q, f, k, k]
+    size = np.abs(by_noise.errors[q, f, k])
     return Score(
         f"line {f + 1} of element {k + 1} in position {q + 1}",
         None,
-        float(np.sqrt(weight) * np.abs(by_noise.errors[q, f, k])),
+        float(np.sqrt(by_noise.noise_weights[q, f, k]) * size),
         1.0,
         "standard deviations",
         float(by_noise.degrees_of_freedom[q]),
         min(float(probabilities[q, f, k]) * int(fit.used.sum()), 1.0),
-        weight * float(np.abs(by_noise.errors[q, f, k])) ** 2,
+        float(np.real(weights) * size**2),
     )
 
 

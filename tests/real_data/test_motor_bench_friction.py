@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from test_motor_bench_frf import bench, estimate  # noqa: F401
 
-from estimators import Fit, FrfEstimate, covariance, fit
+from estimators import Fit, FrfEstimate, choose_structure, covariance, fit, score_tests
 from robotmodels import ElasticRobot
 from robotmodels.description.robot_file import RobotFile
 
@@ -61,3 +61,11 @@ def test_the_springs_damper_swallows_it_no_more(fits: tuple[Fit, Fit]) -> None:
     assert "at a bound: g.damping" in after.message  # too small to be seen
     assert named(after)["g.damping"] < 1e-3
     assert after.data_cost < 0.15 * before.data_cost
+
+
+def test_the_score_tests_name_the_friction_and_no_spring(fits: tuple[Fit, Fit]) -> None:
+    first = score_tests(fits[0])[0]
+    assert first.name == "friction behind the gear of shaft"
+    # One linear step from the fit without it, against the refit with it.
+    assert first.estimate == pytest.approx(named(fits[1])["f.viscous"], rel=0.1)
+    assert choose_structure(fits[1]).springs == ()

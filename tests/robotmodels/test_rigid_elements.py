@@ -3,6 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from robots import HERE
 
 import robotmodels
 from robotmodels import InvalidInput
@@ -115,3 +116,19 @@ def test_a_spring_that_is_there_already_is_refused():
     again = robot.file.springs[0].model_copy(update={"name": "again"})
     with pytest.raises(InvalidInput, match="2 springs about axis 'drive'"):
         with_springs(robot, [again], free=True)
+
+
+def test_joints_that_follow_others_move_along():
+    robot = robotmodels.load_robot(HERE / "parallelogram.yaml")
+    robot = ElasticRobot(robot.file.model_copy(update={"gravity": (0.0, 0.0, 0.0)}), robot.folder)
+    springs = possible_springs(robot)
+    positions = np.array([[0.35, -0.4]])
+    h, f = reaction_factors(robot, springs, positions, OMEGA)
+    rigid = robotmodels.frequency_response(robot, positions, OMEGA)
+    for i, spring in enumerate(springs):
+        soft = spring.model_copy(update={"stiffness": 1e9, "damping": TIME * 1e9})
+        other = with_springs(robot, [soft], free=False)
+        change = 1e9 * (robotmodels.frequency_response(other, positions, OMEGA) - rigid)
+        derivative = h[:, :, i, :, None] * f[:, :, i, None, :] / DAMPED
+        size = np.linalg.norm(derivative)
+        assert np.linalg.norm(change - derivative) < 5e-3 * size + 1e-9, spring.name
