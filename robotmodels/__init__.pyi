@@ -10,6 +10,7 @@ from .common.errors import (
 )
 from .common.process_pool import ProcessPool as ProcessPool
 from .description.parameters import Parameters as Parameters
+from .elastic.hammer_test import HammerTest as HammerTest
 from .elastic.possible_springs import (
     possible_springs as possible_springs,
     with_springs as with_springs,

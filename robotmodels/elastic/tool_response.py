@@ -21,7 +21,6 @@ from robotmodels.common.errors import InvalidInput
 from robotmodels.description.outputs import Output
 from robotmodels.elastic.arm import build_arm
 from robotmodels.elastic.robot import ElasticRobot
-from robotmodels.linear.derived_models import WithParameters
 from robotmodels.linear.linear_model import LinearModel
 from robotmodels.linear.response import Elastic, check_omega
 
@@ -64,14 +63,14 @@ def tool_frame(robot: ElasticRobot) -> Frame:
 
 
 def underlying_robot(model: Elastic) -> ElasticRobot:
-    """Return the robot that a model is, whatever values it has.
+    """Return the robot that a model is made of, as others at parameters or under forces are.
 
     Raises
     ------
     InvalidInput
         If it is none.
     """
-    while isinstance(model, WithParameters):
+    while not isinstance(model, ElasticRobot) and hasattr(model, "model"):
         model = model.model
     if not isinstance(model, ElasticRobot):
         raise InvalidInput(
@@ -169,12 +168,12 @@ def tool_model(
     at = elastic.equilibrium(positions, theta)
     model, coordinates = elastic.network_about(at, theta).linear_model(), at.coordinates
     jacobian = np.zeros((len(coordinates), 6, model.mass.shape[-1]))
-    of_arm, points = _kinematics(elastic, frame, coordinates, theta)
+    of_arm, points = frame_kinematics(elastic, frame, coordinates, theta)
     jacobian[..., : coordinates.shape[1]] = of_arm
     return ToolModel(model, jacobian, points)
 
 
-def _kinematics(
+def frame_kinematics(
     robot: ElasticRobot, frame: Frame, coordinates: Array, theta: Array
 ) -> tuple[Array, Array]:
     """Return Jacobians (Q, 6, arm size) and positions (Q, 3) at the arm's `coordinates`."""

@@ -300,7 +300,7 @@ def _checked(
     residual: ResidualForm,
 ) -> tuple[ComplexArray, Array]:
     """Return measured FRFs and weights as arrays, elements of weight zero replaced by ones."""
-    n, sensors = network.selector.shape[1], network.measurement
+    n, sensors = network.selector.shape[-1], network.measurement
     outputs = n if sensors is None else sensors.position.shape[-2]
     shape = (len(network.mass), omega.size, outputs, n)
     measured, weights = np.asarray(measured, dtype=complex), np.asarray(weights, dtype=float)

@@ -60,8 +60,8 @@ def layout(network: SpringNetwork) -> EliminationPlan | None:
     It knows motors that act on one coordinate each, and their motions as outputs.
     """
     S, ends = np.asarray(network.selector), np.asarray(network.nodes)
-    n = S.shape[1]
-    if not network.only_motors or np.any(np.count_nonzero(S, axis=0) != 1):
+    n = S.shape[-1]
+    if S.ndim == 3 or not network.only_motors or np.any(np.count_nonzero(S, axis=0) != 1):
         return None
     acted = np.abs(S).argmax(axis=0)
     if len(set(acted)) < n:

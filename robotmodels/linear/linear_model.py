@@ -159,7 +159,8 @@ class LinearModel:
     stiffness : ndarray, (..., d, d), N m/rad
         Stiffness matrix, symmetric, gravity included.
     selector : ndarray, (d, n), dimensionless
-        Generalised force per motor torque; its transpose reads the motor angles.
+        Generalised force per motor torque; its transpose reads the motor angles. One for each
+        equilibrium, (..., d, n), where other forces act.
     measurement : Measurement or None
         What is measured; by default the motors' accelerations.
     """
@@ -171,7 +172,7 @@ class LinearModel:
     measurement: Measurement | None = None
 
     def __post_init__(self) -> None:
-        d = np.asarray(self.selector).shape[0]
+        d = np.asarray(self.selector).shape[-2]
         for name in ("mass", "damping", "stiffness", "selector"):
             array = np.asarray(getattr(self, name), dtype=float)
             if name != "selector" and array.shape[-2:] != (d, d):
@@ -187,7 +188,7 @@ class LinearModel:
             self.mass[index],
             np.broadcast_to(self.damping, (count, *self.damping.shape[-2:]))[index],
             self.stiffness[index],
-            self.selector,
+            self.selector if self.selector.ndim == 2 else self.selector[index],
             None if self.measurement is None else self.measurement.at(index),
         )
 
@@ -222,13 +223,14 @@ class LinearModel:
         return np.asarray(C @ np.linalg.solve(A, S) + self.measured.direct(omega))
 
     def forces(self, omega: Array) -> ComplexArray:
-        """Return S h_u, (F, d, n): generalised forces per commanded torque."""
-        return np.asarray(self.selector * self.measured.torque.response(omega)[:, None])
+        """Return S h_u, (..., F, d, n): generalised forces per commanded torque."""
+        responses = self.measured.torque.response(omega)[:, None]
+        return np.asarray(np.expand_dims(self.selector, -3) * responses)
 
     @property
     def inputs(self) -> int:
         """Number n of motors."""
-        return int(self.selector.shape[1])
+        return int(self.selector.shape[-1])
 
     @property
     def measured(self) -> Measurement:

@@ -59,7 +59,7 @@ class SpringNetwork:
         Damping matrix without the terms.
     stiffness : ndarray, (Q, d, d), N m/rad
         Stiffness matrix without the terms.
-    selector : ndarray, (d, n)
+    selector : ndarray, (d, n) or (Q, d, n)
         As in `LinearModel`.
     nodes : ndarray of int, (s, 2)
         The two coordinates that each spring joins; -1 is the ground (passive torsions).
