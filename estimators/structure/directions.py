@@ -7,33 +7,14 @@ import numpy as np
 from estimators.fitting.fit_problem import FitProblem
 from estimators.fitting.fit_trust import model_columns
 from robotmodels.common.arrays import Array, ComplexArray
-from robotmodels.common.errors import InvalidInput
 from robotmodels.description.robot_file import Hardening, Payload, Spring
 from robotmodels.elastic.rigid_elements import reaction_factors
 from robotmodels.elastic.robot import ElasticRobot
-from robotmodels.linear.derived_models import WithParameters
-from robotmodels.linear.response import Elastic, frequency_response
+from robotmodels.elastic.tool_response import underlying_robot
+from robotmodels.linear.response import frequency_response
 
 _PAYLOAD = 1e-3
 """Mass by which the derivative of FRFs with respect to an absent payload is computed [kg]."""
-
-
-def robot_of(model: Elastic) -> ElasticRobot:
-    """Return the robot of a model.
-
-    Raises
-    ------
-    InvalidInput
-        If it is none.
-    """
-    while isinstance(model, WithParameters):
-        model = model.model
-    if not isinstance(model, ElasticRobot):
-        raise InvalidInput(
-            f"structure: the fit is of a {type(model).__name__}; only a robot file tells where "
-            "springs could be"
-        )
-    return model
 
 
 def spring_columns(
@@ -44,7 +25,9 @@ def spring_columns(
     The last axis is over the damping times.
     """
     omega = problem.omega
-    h, f = reaction_factors(robot_of(problem.model), springs, problem.positions, omega, values)
+    h, f = reaction_factors(
+        underlying_robot(problem.model), springs, problem.positions, omega, values
+    )
     damped = 1 / (1 + 1j * np.multiply.outer(omega, damping_times))
     for i in range(len(springs)):
         product = h[:, :, i, :, None] * f[:, :, i, None, :]
@@ -59,7 +42,7 @@ def number_columns(
     Those that the verdict rests on (delay, gains, gear ratios, fixed numbers), and what the robot
     file has not: friction behind gears, a payload, gears that harden.
     """
-    robot, positions, omega = robot_of(problem.model), problem.positions, problem.omega
+    robot, positions, omega = underlying_robot(problem.model), problem.positions, problem.omega
     for name, unit, column in model_columns(robot, positions, omega, values, at[0]):
         yield name, unit, False, column
     yield from _gear_columns(robot, positions, omega, values)

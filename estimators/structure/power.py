@@ -10,13 +10,13 @@ from estimators.fitting.fitted_model import FittedModel
 from estimators.fitting.least_squares import Fit, as_fit
 from estimators.fitting.run_problem import RunProblem
 from estimators.fitting.trust_region import SearchResult
-from estimators.structure.directions import robot_of
 from estimators.structure.refits import SHORTLIST, Refits
 from estimators.structure.score_table import TOLD_APART
 from estimators.structure.score_tests import DAMPING_TIMES
 from robotmodels.common.arrays import check_level
 from robotmodels.description.robot_file import Spring
 from robotmodels.elastic.possible_springs import possible_springs, with_springs
+from robotmodels.elastic.tool_response import underlying_robot
 from robotmodels.linear.response import frequency_response
 
 
@@ -86,7 +86,7 @@ def structure_power(
         If the robot cannot have a spring.
     """
     check_level(level, "structure_power")
-    robot = robot_of(fit.model)
+    robot = underlying_robot(fit.model)
     rivals = possible_springs(robot) if elements is None else tuple(elements)
     names = {spring.name for spring in springs}
     rivals = (*springs, *(rival for rival in rivals if rival.name not in names))
@@ -115,7 +115,7 @@ def _power(
 
 def _without_noise(fit: FittedModel, springs: Sequence[Spring]) -> FittedModel:
     """Return the fit of a robot with springs to data that it explains exactly."""
-    robot, problem = with_springs(robot_of(fit.model), springs, free=True), fit.problem
+    robot, problem = with_springs(underlying_robot(fit.model), springs, free=True), fit.problem
     fitted = dict(zip(fit.parameters.names, fit.parameters.values, strict=True))
     pairs = zip(robot.parameters.names, robot.parameters.values, strict=True)
     values = np.array([fitted.get(name, value) for name, value in pairs])

@@ -8,12 +8,12 @@ import numpy as np
 from estimators.fitting.fitted_model import FittedModel
 from estimators.fitting.least_squares import as_fit
 from estimators.fitting.search import search_or_reason
-from estimators.structure.directions import robot_of
 from estimators.structure.score_table import Score, ScoreTable
 from estimators.structure.score_tests import score_tests
 from robotmodels.description.robot_file import Spring
 from robotmodels.elastic.possible_springs import with_springs
 from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.elastic.tool_response import underlying_robot
 
 NEAR = 0.5
 """Share of the expected fall of the cost from which on a refit is accepted."""
@@ -73,7 +73,7 @@ class Refits:
 
     def scores(self, fit: FittedModel) -> ScoreTable:
         """Return the score tests of the elements that a fit's robot has not."""
-        names = {spring.name for spring in robot_of(fit.model).file.springs}
+        names = {spring.name for spring in underlying_robot(fit.model).file.springs}
         absent = [spring for spring in self.elements if spring.name not in names]
         return score_tests(fit, absent, damping_times=self.damping_times, numbers=False)
 

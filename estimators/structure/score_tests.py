@@ -20,7 +20,7 @@ from scipy.special import ndtr, ndtri, stdtr
 
 from estimators.fitting.fit_problem import Derived, FitProblem
 from estimators.fitting.fitted_model import FittedModel
-from estimators.structure.directions import number_columns, robot_of, spring_columns
+from estimators.structure.directions import number_columns, spring_columns
 from estimators.structure.score_table import Score, ScoreTable, twins
 from estimators.trust.directed_tests import OneStep, one_step
 from estimators.trust.line_correlation import LineCorrelation, white_errors
@@ -33,6 +33,7 @@ from robotmodels.common.errors import InvalidInput
 from robotmodels.description.robot_file import Spring
 from robotmodels.elastic.possible_springs import possible_springs
 from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.elastic.tool_response import underlying_robot
 
 DAMPING_TIMES = (2e-4, 1e-3, 8e-3)
 """Of absent springs [s]: ratios of damping to stiffness."""
@@ -75,7 +76,7 @@ def score_tests(
     times = np.array(damping_times, dtype=float)
     if not times.size or not (np.isfinite(times) & (times >= 0)).all():
         raise InvalidInput(f"damping_times: {list(damping_times)}; times of 0 s or more are needed")
-    robot = robot_of(fit.model)
+    robot = underlying_robot(fit.model)
     springs = possible_springs(robot) if elements is None else tuple(elements)
     problem, values = fit.problem, fit.parameters.values
     at = problem.derived(values)

@@ -87,20 +87,19 @@ def with_springs(robot: ElasticRobot, springs: Sequence[Spring], *, free: bool) 
         raise InvalidInput(f"springs: {reason}") from None
 
 
-def _buildable(robot: ElasticRobot, springs: list[Spring]) -> list[Spring]:
-    """Return the springs that the robot can have together: each moves some mass."""
+def _buildable(
+    robot: ElasticRobot, springs: Sequence[Spring], beside: Sequence[Spring] = ()
+) -> list[Spring]:
+    """Return the springs that the robot can have together, by bisection: each moves some mass."""
     try:
-        with_springs(robot, springs, free=False)
+        with_springs(robot, [*beside, *springs], free=False)
     except InvalidInput:
-        usable = list[Spring]()
-        for spring in springs:
-            try:
-                with_springs(robot, [*usable, spring], free=False)
-            except InvalidInput:
-                continue
-            usable.append(spring)
-        return usable
-    return springs
+        if len(springs) == 1:
+            return []
+        half = len(springs) // 2
+        first = _buildable(robot, springs[:half], beside)
+        return [*first, *_buildable(robot, springs[half:], [*beside, *first])]
+    return list(springs)
 
 
 def _spring(name: str, axis: str, **where: object) -> Spring:
