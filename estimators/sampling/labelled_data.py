@@ -127,7 +127,7 @@ def posterior_tree(fit: Fit, posterior: Posterior, thin: int = 1) -> "DataTree":
             "degrees_of_freedom": ["position"],
         },
     )
-    return tree  # type: ignore[no-any-return]
+    return tree
 
 
 def _thinned(posterior: Posterior, thin: int) -> Array:
