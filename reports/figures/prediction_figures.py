@@ -1,11 +1,15 @@
 """Figures of predictions: responses of a tool with bands, compliance over the workspace."""
 
+from functools import partial
+
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from estimators.validation.predict_tool import ToolPrediction
 from reports.figures.study_figures import Drawing
 from reports.figures.svg import Palette
+from reports.text import significant
 from robotmodels.elastic.tool_response import MOTIONS
 
 
@@ -25,6 +29,10 @@ def driving_point(prediction: ToolPrediction, position: int) -> Drawing:
         units = {"displacement": "m/N", "velocity": "m/s/N", "acceleration": "m/s²/N"}
         label = f"{MOTIONS[prediction.motion]} [{units[prediction.motion]}]"
         axes.set(yscale="log", xscale="log", xlabel="frequency [Hz]", ylabel=label)
+        for axis, subs, digits in ((axes.xaxis, (1.0, 2.0, 5.0), 2), (axes.yaxis, (1.0,), 1)):
+            axis.set_major_locator(LogLocator(subs=subs))
+            axis.set_major_formatter(FuncFormatter(partial(_tick, digits)))
+            axis.set_minor_formatter(NullFormatter())
         axes.grid(True, axis="y")
         figure.legend(loc="outside upper right", ncols=3)
         return figure
@@ -38,11 +46,12 @@ def workspace(prediction: ToolPrediction) -> Drawing:
     def draw(palette: Palette) -> Figure:
         figure = Figure(figsize=(7.0, 5.4), layout="constrained")
         x, y, z = prediction.points.T
+        resonances, deviations = prediction.resonances, "relative deviation [%]"
         values = (
-            ("softest [µm/N]", 1e6 * prediction.compliance.values[:, 0].real),
-            ("its deviation [%]", 100 * prediction.compliance.std[:, 0]),
-            ("resonance [Hz]", prediction.resonances.values[:, 0].real / (2 * np.pi)),
-            ("its deviation [%]", 100 * prediction.resonances.std[:, 0]),
+            ("softest compliance [µm/N]", 1e6 * prediction.compliance.values[:, 0].real),
+            (deviations, 100 * prediction.compliance.std[:, 0]),
+            ("lowest resonance [Hz]", resonances.values[:, 0].real / (2 * np.pi)),
+            (deviations, 100 * resonances.std[:, 0]),
         )
         for k, (title, value) in enumerate(values):
             axes = figure.add_subplot(2, 2, k + 1)
@@ -52,3 +61,7 @@ def workspace(prediction: ToolPrediction) -> Drawing:
         return figure
 
     return draw
+
+
+def _tick(digits: int, value: float, _: int) -> str:
+    return significant(value, digits)

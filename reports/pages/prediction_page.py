@@ -52,14 +52,10 @@ def prediction_table(prediction: ToolPrediction) -> Table:
         "resonance [Hz]", "± [%]", "damping [%]", "± [%]",
     )  # fmt: skip
     rows: list[list[Cell]] = []
-    compliance, resonances, damping = (
-        prediction.compliance,
-        prediction.resonances,
-        prediction.damping,
-    )
+    compliance, resonances = prediction.compliance, prediction.resonances
+    damping = prediction.damping
     for i in range(len(prediction.points)):
         values = [
-            float(i + 1),
             1e6 * compliance.values[i, 0].real,
             100 * compliance.std[i, 0],
             *(1e6 * compliance.values[i, 1:].real),
@@ -68,7 +64,8 @@ def prediction_table(prediction: ToolPrediction) -> Table:
             100 * damping.values[i, 0].real,
             100 * damping.std[i, 0],
         ]
-        rows.append([Number(text.significant(float(v), 3), float(v)) for v in values])
+        shown = (Number(text.significant(float(v), 3), float(v)) for v in values)
+        rows.append([Number(f"{i + 1}", i + 1.0), *shown])
     caption = (
         f"Half axes of the compliance ellipsoid with clamped motors; first mode with "
         f"{prediction.motors} motors; relative standard deviations."

@@ -66,6 +66,18 @@ def test_maps_show_the_workspace(robot, monkeypatch, capsys) -> None:
     assert len(Path("map/prediction.csv").read_text().splitlines()) == 9
 
 
+def test_bands_by_draws_are_near_those_by_derivatives(robot, monkeypatch, capsys) -> None:
+    std = []
+    for words in (("--draws=60", "--seed=3"), ()):
+        code, out, _ = oed(monkeypatch, capsys, "predict", robot, AT, "--json", *words)
+        assert code == 0
+        std.append(np.array(json.loads(out)["compliance"]["std"])[0, :2])
+    ratio = std[0] / std[1]  # 9 % of scatter
+    assert (ratio > 0.6).all()
+    assert (ratio < 1.5).all()
+    assert (ratio != 1).all()
+
+
 def test_margins_are_those_of_the_controller(robot, monkeypatch, capsys) -> None:
     motor = {"numerator": [40.0 * 0.08, 40.0], "denominator": [0.004, 1.0]}
     content = {"schema": "controller/1", "motors": [motor, motor]}
