@@ -3,6 +3,7 @@
 from functools import partial
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
@@ -29,10 +30,7 @@ def driving_point(prediction: ToolPrediction, position: int) -> Drawing:
         units = {"displacement": "m/N", "velocity": "m/s/N", "acceleration": "m/s²/N"}
         label = f"{MOTIONS[prediction.motion]} [{units[prediction.motion]}]"
         axes.set(yscale="log", xscale="log", xlabel="frequency [Hz]", ylabel=label)
-        for axis, subs, digits in ((axes.xaxis, (1.0, 2.0, 5.0), 2), (axes.yaxis, (1.0,), 1)):
-            axis.set_major_locator(LogLocator(subs=subs))
-            axis.set_major_formatter(FuncFormatter(partial(_tick, digits)))
-            axis.set_minor_formatter(NullFormatter())
+        _plain_ticks(axes)
         axes.grid(True, axis="y")
         figure.legend(loc="outside upper right", ncols=3)
         return figure
@@ -61,6 +59,14 @@ def workspace(prediction: ToolPrediction) -> Drawing:
         return figure
 
     return draw
+
+
+def _plain_ticks(axes: Axes) -> None:
+    """Label logarithmic axes with plain numbers."""
+    for axis, subs, digits in ((axes.xaxis, (1.0, 2.0, 5.0), 2), (axes.yaxis, (1.0,), 1)):
+        axis.set_major_locator(LogLocator(subs=subs))
+        axis.set_major_formatter(FuncFormatter(partial(_tick, digits)))
+        axis.set_minor_formatter(NullFormatter())
 
 
 def _tick(digits: int, value: float, _: int) -> str:

@@ -11,6 +11,8 @@ from robotmodels.linear.linear_model import LinearModel
 from robotmodels.simulation.discrete_loop import first_order_system, zero_order_hold
 from robotmodels.simulation.linear_feedback import LinearFeedback
 
+_LARGEST_CONDITION = 1e7
+"""Of eigenvectors, beyond which nearly equal poles spoil responses."""
 _PADE = 5
 """Order of the rational approximation of delays under continuous controllers, for poles alone."""
 
@@ -44,10 +46,8 @@ class LoopPlant:
     sample_time: float | None
 
     def response(self) -> Callable[[Array], ComplexArray]:
-        """Return G at omega (F,), (F, n, n), by the eigenvalues of A."""
-        poles, vectors = np.linalg.eig(self.A)
-        seen = self.C @ vectors
-        driven = np.linalg.solve(vectors, np.stack([self.B0, self.B1]).astype(complex))
+        """Return G at omega (F,), (F, n, n)."""
+        resolvent = self._resolvent()
 
         def at(omega: Array) -> ComplexArray:
             jw = 1j * np.asarray(omega, dtype=float)[:, None]
@@ -56,11 +56,23 @@ class LoopPlant:
             if self.sample_time is not None:
                 point = np.exp(jw * self.sample_time)
                 late = (point ** (-self.whole.astype(float)))[:, None, :]
-            through = seen * (1 / (point - poles))[:, None, :]
-            now, before = through @ driven[0], through @ driven[1]
-            return np.asarray(late * (now + before / point[:, None]))
+            both = resolvent(point)
+            n = self.B0.shape[1]
+            return np.asarray(late * (both[..., :n] + both[..., n:] / point[:, None]))
 
         return at
+
+    def _resolvent(self) -> Callable[[ComplexArray], ComplexArray]:
+        """Return C (s - A)^-1 (B0, B1), (F, n, 2 n), at points (F, 1), by the eigenvalues of A."""
+        poles, vectors = np.linalg.eig(self.A)
+        inputs = np.hstack([self.B0, self.B1]).astype(complex)
+        if np.linalg.cond(vectors) > _LARGEST_CONDITION:  # rigid motions without any friction
+            unit = np.eye(len(self.A))
+            return lambda point: np.asarray(
+                self.C @ np.linalg.solve(point[..., None] * unit - self.A, inputs)
+            )
+        seen, driven = self.C @ vectors, np.linalg.solve(vectors, inputs)
+        return lambda point: np.asarray((seen * (1 / (point - poles))[:, None, :]) @ driven)
 
 
 def loop_plant(model: LinearModel, time: float | None) -> LoopPlant:

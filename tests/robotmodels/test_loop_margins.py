@@ -131,6 +131,23 @@ def test_gain_at_its_margin_is_on_the_edge(delay, kind):
     assert np.isinf(beyond.peak_sensitivity[0, 0])
 
 
+@pytest.mark.parametrize("time", [None, T])
+@pytest.mark.parametrize("viscous", [0.0, 2e-3])
+def test_plants_without_friction_and_gravity_have_double_poles(viscous, time):
+    motors = [m.model_dump() | {"viscous": viscous} for m in TWO.file.motors]
+    content = yaml.safe_load((HERE / "two_joints.yaml").read_text())
+    robot = built(changed(content, gravity=[0.0, 0.0, 0.0], motors=motors))
+    plant = loop_plant(linearize(robot, AT_TWO[0]), time)
+    w = np.array([0.1, 3.0, 60.0, 1000.0])
+    points = 1j * w if time is None else np.exp(1j * w * time)
+    expected = [
+        plant.C @ np.linalg.solve(point * np.eye(len(plant.A)) - plant.A, plant.B0)
+        for point in points
+    ]
+    error = np.abs(plant.response()(w) - expected).max(axis=(1, 2))
+    assert (error < 1e-6 * np.abs(expected).max(axis=(1, 2))).all()
+
+
 def test_poles_are_those_of_the_simulated_loop():
     controller = default_controller(TWO, T)
     model = linearize(TWO, AT_TWO[0])
