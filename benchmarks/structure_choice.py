@@ -2,9 +2,9 @@
 
 ``python benchmarks/structure_choice.py --runs 300 --out structure.json`` adds runs to the file and
 prints the calibration of the predicted probabilities. A run hides one to three springs in a robot
-of the library: anywhere that `possible_springs` names, up to 50 times as stiff as its own, with
-damping times of 0.2 to 8 ms. FRFs have 3 % noise, weights are those of the measured FRF, and the
-fit without the hidden springs starts within a factor of two of the truth.
+of the library: anywhere that `possible_springs` names, one to ``--stiffest`` times as stiff as its
+own springs, with damping times of 0.2 to 8 ms. FRFs have 3 % noise, weights are those of the
+measured FRF, and the fit without the hidden springs starts within a factor of two of the truth.
 """
 
 import argparse
@@ -31,7 +31,7 @@ NOISE = RelativeNoise(0.03, 0.01)
 POSITIONS, LINES, LEVEL = 8, 40, 0.01
 
 
-def run(seed: int) -> dict[str, object]:
+def run(seed: int, stiffest: float) -> dict[str, object]:
     """Return one run: what was hidden, predicted and chosen."""
     rng = np.random.default_rng([2026, seed])
     robot = load_robot(ROBOTS[seed % len(ROBOTS)])
@@ -42,7 +42,7 @@ def run(seed: int) -> dict[str, object]:
     mean = np.exp(np.mean([math.log(float(s.stiffness)) for s in robot.file.springs]))
     hidden = []
     for i in rng.choice(len(elements), rng.integers(1, 4), replace=False):
-        stiffness = mean * 50.0 ** rng.uniform()
+        stiffness = mean * stiffest ** rng.uniform()
         damping = stiffness * 2e-4 * 40.0 ** rng.uniform()
         values = {"stiffness": stiffness, "damping": damping}
         hidden.append(elements[i].model_copy(update=values))
@@ -114,6 +114,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=300)
     parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--stiffest", type=float, default=50.0, help="in units of the robot's own")
     parser.add_argument("--out", type=Path, default=Path("structure_choice.json"))
     arguments = parser.parse_args()
     runs = json.loads(arguments.out.read_text()) if arguments.out.exists() else []
@@ -122,7 +123,7 @@ def main() -> None:
         if seed in done:
             continue
         try:
-            one = run(seed)
+            one = run(seed, arguments.stiffest)
         except IdentificationError as error:
             one = {"seed": seed, "error": str(error)}
         runs.append(one)

@@ -10,6 +10,7 @@ from estimators.fitting.least_squares import Fit
 from estimators.fitting.run_fit import RunFit
 from estimators.sampling.posterior import Posterior
 from estimators.structure.choose_structure import StructureChoice
+from estimators.structure.power import StructurePower
 from estimators.structure.score_table import ScoreTable
 from estimators.uncertainty.covariance import Uncertainty
 from estimators.uncertainty.identifiability import Identifiability, fit_information, identifiability
@@ -181,11 +182,14 @@ class Structure:
     held_out : tuple of float, or None
         Squared misfit per datum in positions held out, one is expected: of the study's result, then
         after each step; None where the study holds none out.
+    powers : tuple of StructurePower
+        What data like these tell of each spring that the study's design is to tell apart.
     """
 
     scores: ScoreTable
     choice: StructureChoice
     held_out: tuple[float, ...] | None
+    powers: tuple[StructurePower, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

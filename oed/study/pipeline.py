@@ -12,6 +12,7 @@ from typing import TypeVar
 from estimators.fitting.fit_problem import Measured
 from estimators.fitting.fitted_model import FittedModel
 from estimators.structure.choose_structure import choose_structure
+from estimators.structure.power import structure_power
 from estimators.structure.score_tests import score_tests
 from estimators.uncertainty.covariance import covariance
 from estimators.validation.held_out_positions import validate
@@ -102,7 +103,9 @@ def structure_study(
         if out is not None:
             ends = [best, *(step.fit for step in choice.steps)]
             misfits = tuple(_misfit(end, out.value.held_out) for end in ends)
-        return results, Structure(score_tests(best), choice, misfits)
+        assumed = study.design.tell_apart
+        powers = structure_power(best, assumed, level=level) if assumed else ()
+        return results, Structure(score_tests(best), choice, misfits, powers)
 
 
 def _misfit(fit: FittedModel, held_out: Measured) -> float:

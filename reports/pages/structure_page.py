@@ -35,6 +35,7 @@ def write_structure_page(results: FittedStudy, structure: Structure, path: Path)
         stopped=choice.stopped,
         springs=spring_table(structure),
         steps=step_table(structure),
+        powers=structure.powers,
     )
     drawing, caption = suspects(results, structure)
     scores_body = filled(

@@ -32,6 +32,7 @@ def structure_summary(structure: Structure, files: Sequence[Path]) -> str:
     if any(choice.twins.values()):
         lines.append("  What stands in one row the data cannot tell apart: tie or fix all but one.")
     lines += _steps(structure)
+    lines += [f"  {power}" for power in structure.powers]
     scores = [score_words(score) for score in structure.scores[:SHOWN]]
     lines += table(("score test", "p", "size", "95 % interval", "unit"), scores, right=(1, 2))
     return "\n".join([*lines, *(f"  {file}" for file in files)])
@@ -75,6 +76,7 @@ def structure_json(structure: Structure, files: Sequence[Path]) -> dict[str, obj
         "stopped": choice.stopped,
         "bic": list(choice.bic),
         "held_out": structure.held_out,
+        "powers": [vars(power) for power in structure.powers],
         "steps": [
             {
                 "action": step.action,

@@ -31,10 +31,10 @@ def study(tmp_path: Path) -> Path:
         "schema": "study/1",
         "robot": "robot.yaml",
         "truth": "truth.yaml",
-        "frequencies": {"low": 3.0, "high": 60.0, "count": 40},
+        "frequencies": {"low": 3.0, "high": 60.0, "count": 20},
         "noise": {"relative": 0.01, "floor": 0.003},
-        "candidates": {"sobol": 8},
-        "design": {"experiments": 2},
+        "candidates": {"sobol": 4},
+        "design": {"experiments": 2, "tell_apart": [hidden.model_dump(mode="json")]},
         "fit": {"starts": 1, "decades": 0.0, "residuals": ["nls"]},
         "output": "out",
     }
@@ -42,6 +42,7 @@ def study(tmp_path: Path) -> Path:
     return tmp_path / "study.yaml"
 
 
+@pytest.mark.slow
 def test_the_hidden_spring_is_named_and_the_robot_written(study, monkeypatch, capsys) -> None:
     code, out, err = oed(monkeypatch, capsys, str(study), "--json", "--most", "2")
     assert code == 0, err
@@ -51,16 +52,26 @@ def test_the_hidden_spring_is_named_and_the_robot_written(study, monkeypatch, ca
     assert all(step["fall"] > 0 for step in content["steps"])
     assert content["bic"][1] < content["bic"][0]
     assert content["held_out"] is None
+    assert [power["name"] for power in content["powers"]] == ["arm1 67 % z"]
+    assert 0.9 < content["powers"][0]["detection"] <= 1
     assert json.loads((study.parent / "out" / "structure.json").read_text())["files"] == []
-    page = (study.parent / "out" / "structure.html").read_text()
-    assert "Stick figure of the robot. Marked: " in page
-    assert "arm1 67 % z" in page
     robot = load_robot(study.parent / "out" / "structure.yaml")
     assert {spring.name for spring in robot.file.springs} >= set(names)
-    code, out, err = oed(monkeypatch, capsys, str(study), "--most", "1")
+
+
+def test_score_tests_without_a_choice(study, monkeypatch, capsys) -> None:
+    content = yaml.safe_load(study.read_text())
+    del content["design"]["tell_apart"]
+    study.write_text(yaml.safe_dump(content))
+    code, out, err = oed(monkeypatch, capsys, str(study), "--most", "0")
     assert code == 0, err
-    assert "1 spring added: no more than 1 were asked for" in out
-    assert "score test" in out
+    assert "0 springs added: no more than 0 were asked for" in out
+    assert "arm1 67 % z" in out
+    page = (study.parent / "out" / "structure.html").read_text()
+    assert "Stick figure of the robot. Marked: " in page
+    assert load_robot(study.parent / "out" / "structure.yaml").parameters.names == (
+        ROBOT.parameters.names
+    )
 
 
 def test_a_level_that_is_none_is_refused(study, monkeypatch, capsys) -> None:
