@@ -7,6 +7,7 @@ from typing import Self
 import numpy as np
 
 from estimators.trust.trust import Trust
+from estimators.validation.predict_tool import ToolPrediction, predict_tool
 from oed.plan_comparison.plan_comparison import PlanComparison
 from oed.study.parts import (
     DesignedPlan,
@@ -30,6 +31,9 @@ from oed.study.summary import (
 )
 from robotmodels import ElasticRobot
 from robotmodels.common.arrays import Array
+
+_SHOWN = 6
+"""Positions of the plan in which the tool is predicted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +136,11 @@ class StudyResults(FittedStudy):
     def z_scores(self) -> Array:
         """(ln estimate - ln truth) / standard deviation of Theorem 1, (p,); NaN without either."""
         return np.log(self.fits.result.parameters.values / self.truth) / self.uncertainty.std
+
+    @cached_property
+    def tool(self) -> ToolPrediction:
+        """Compliance and modes at the end of the last link in some of the plan's positions."""
+        return predict_tool(self.fits.result, self.plan.positions[:_SHOWN])
 
     @cached_property
     def uncertainty_summary(self) -> UncertaintySummary:

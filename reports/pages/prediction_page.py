@@ -2,24 +2,12 @@
 
 from pathlib import Path
 
-import numpy as np
 from markupsafe import Markup
 
 from estimators.validation.predict_tool import ToolPrediction
-from reports import text
 from reports.figures.prediction_figures import driving_point, workspace
-from reports.page_elements import (
-    Cell,
-    Figure,
-    Number,
-    Section,
-    Table,
-    figure,
-    filled,
-    numbers,
-    page,
-    table,
-)
+from reports.page_elements import Figure, Section, Table, figure, filled, page
+from reports.sections.tool import prediction_table
 from robotmodels.common.atomic_files import write_text
 
 _SHOWN = 6
@@ -43,34 +31,6 @@ def write_prediction_page(prediction: ToolPrediction, name: str, path: Path) -> 
     lead = f"What the identified parameters say of {where}, with {prediction.compliance.level:.0%} "
     lead += "bands of what they leave open; errors of the model are not in them."
     write_text(path, page(name, "prediction", "How stiff the tool is", lead, sections))
-
-
-def prediction_table(prediction: ToolPrediction) -> Table:
-    """Return compliance, first resonance and damping of each position with their deviations."""
-    columns = numbers(
-        "position", "softest [µm/N]", "± [%]", "middle [µm/N]", "stiffest [µm/N]",
-        "resonance [Hz]", "± [%]", "damping [%]", "± [%]",
-    )  # fmt: skip
-    rows: list[list[Cell]] = []
-    compliance, resonances = prediction.compliance, prediction.resonances
-    damping = prediction.damping
-    for i in range(len(prediction.points)):
-        values = [
-            1e6 * compliance.values[i, 0].real,
-            100 * compliance.std[i, 0],
-            *(1e6 * compliance.values[i, 1:].real),
-            resonances.values[i, 0].real / (2 * np.pi),
-            100 * resonances.std[i, 0],
-            100 * damping.values[i, 0].real,
-            100 * damping.std[i, 0],
-        ]
-        shown = (Number(text.significant(float(v), 3), float(v)) for v in values)
-        rows.append([Number(f"{i + 1}", i + 1.0), *shown])
-    caption = (
-        f"Half axes of the compliance ellipsoid with clamped motors; first mode with "
-        f"{prediction.motors} motors; relative standard deviations."
-    )
-    return table("prediction", caption, columns, rows)
 
 
 def _responses(prediction: ToolPrediction, count: int) -> list[Figure]:

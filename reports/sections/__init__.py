@@ -24,6 +24,7 @@ from reports.sections import (
     robot,
     run_spectra,
     summary,
+    tool,
     uncertainty,
     validation,
 )
@@ -113,5 +114,6 @@ _IN_ORDER: dict[str, Callable[[StudyResults], Section | None]] = {
     "cross-check": _cross_check,
     "uncertainty": _uncertainty,
     "weak directions": _identifiability,
+    "tool": tool.section,
     "validation": validation.section,
 }

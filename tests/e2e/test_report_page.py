@@ -18,6 +18,7 @@ SECTIONS = (
     "cross-check",
     "uncertainty",
     "weak-directions",
+    "tool",
     "provenance",
 )
 VOID = {"meta", "link", "br", "img", "input"}

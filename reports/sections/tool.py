@@ -1,0 +1,44 @@
+"""How stiff the tool is in the plan's positions, and how sure that is."""
+
+import numpy as np
+
+from estimators.validation.predict_tool import ToolPrediction
+from oed.study.results import StudyResults
+from reports import text
+from reports.page_elements import Cell, Number, Section, Table, filled, numbers, table
+
+
+def section(results: StudyResults) -> Section | None:
+    """Return the section; None without a covariance."""
+    if results.uncertainty.theorem1 is None:
+        return None
+    shown = prediction_table(results.tool)
+    return Section("tool", "Tool", filled("prediction.html.j2", figures=[], table=shown))
+
+
+def prediction_table(prediction: ToolPrediction) -> Table:
+    """Return compliance, first resonance and damping of each position with their deviations."""
+    columns = numbers(
+        "position", "softest [µm/N]", "± [%]", "middle [µm/N]", "stiffest [µm/N]",
+        "resonance [Hz]", "± [%]", "damping [%]", "± [%]",
+    )  # fmt: skip
+    rows: list[list[Cell]] = []
+    compliance, resonances = prediction.compliance, prediction.resonances
+    damping = prediction.damping
+    for i in range(len(prediction.points)):
+        values = [
+            1e6 * compliance.values[i, 0].real,
+            100 * compliance.std[i, 0],
+            *(1e6 * compliance.values[i, 1:].real),
+            resonances.values[i, 0].real / (2 * np.pi),
+            100 * resonances.std[i, 0],
+            100 * damping.values[i, 0].real,
+            100 * damping.std[i, 0],
+        ]
+        shown = (Number(text.significant(float(v), 3), float(v)) for v in values)
+        rows.append([Number(f"{i + 1}", i + 1.0), *shown])
+    caption = (
+        f"Half axes of the compliance ellipsoid with clamped motors; first mode with "
+        f"{prediction.motors} motors; relative standard deviations."
+    )
+    return table("prediction", caption, columns, rows)
