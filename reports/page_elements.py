@@ -1,6 +1,7 @@
 """Sections, figures and tables of a page, and the templates that make one file of them."""
 
 import json
+import math
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
@@ -82,6 +83,13 @@ class Number:
     def exact(self) -> str:
         """The value to eight digits."""
         return f"{self.value:.8g}"
+
+
+def number_cell(
+    value: float, words: Callable[..., str] = text.percent, *options: int, struck: str = ""
+) -> Number:
+    """Return a number in words, a share unless others are given; a dash where there is none."""
+    return Number(words(value, *options) if math.isfinite(value) else "–", value, struck)
 
 
 Cell = str | Number

@@ -19,6 +19,7 @@ from reports.page_elements import (
     Table,
     figure,
     filled,
+    number_cell,
     numbers,
     page,
     table,
@@ -131,7 +132,7 @@ def parameter_table(campaign: Campaign, status: CampaignStatus) -> Table | None:
             interval_words(one, factor, decimals),
             unit,
             Number(text.percent(std), std, struck),
-            Number(text.percent(target) if np.isfinite(target) else "–", target),
+            number_cell(target),
             _progress_cell(status, i),
             str(one.verdict),
         )

@@ -18,6 +18,7 @@ from reports.page_elements import (
     Table,
     figure,
     filled,
+    number_cell,
     numbers,
     page,
     table,
@@ -101,7 +102,7 @@ def overview_table(studies: Studies) -> Table:
             *(_count(v) for v in (plan.candidates, plan.positions, plan.experiments, plan.runs)),
             Number(text.efficiency(plan.efficiency), plan.efficiency),
             Number(text.significant(fit.residual_ratio, 3), fit.residual_ratio),
-            *(_percent(v) for v in fit.spread),
+            *(number_cell(v) for v in fit.spread),
         ]
         rows.append([name, r.robot.name, str(r.trust.verdict), *values])
     titles = [
@@ -145,11 +146,11 @@ def std_table(studies: Studies) -> Table:
         row: list[Cell] = [
             name,
             *(
-                _percent(float(s[i]), why.get(name, ""))
+                number_cell(float(s[i]), struck=why.get(name, ""))
                 for s, why in zip(stds, struck, strict=True)
             ),
         ]
-        row += [_ratio(float(std[i] / stds[0][i])) for std in stds[1:]]
+        row += [number_cell(float(std[i] / stds[0][i]), text.significant) for std in stds[1:]]
         rows.append(row)
     first, *others = studies
     header = [
@@ -168,7 +169,7 @@ def comparison_summary(studies: Studies, path: Path) -> str:
             str(r.plan_summary.positions),
             str(r.plan_summary.experiments),
             str(r.plan_summary.runs),
-            *(columns.plain(_percent(v).text).replace("–", "-") for v in r.fit_summary.spread),
+            *(columns.plain(number_cell(v).text).replace("–", "-") for v in r.fit_summary.spread),
             str(r.trust.verdict),
         )
         for name, r in studies.items()
@@ -217,11 +218,3 @@ def settings_of(content: Any, prefix: str = "") -> dict[str, str]:
 
 def _count(value: int) -> Number:
     return Number(text.count(value), value)
-
-
-def _percent(std: float, struck: str = "") -> Number:
-    return Number(text.percent(std) if np.isfinite(std) else "–", std, struck)
-
-
-def _ratio(value: float) -> Number:
-    return Number(text.significant(value) if np.isfinite(value) else "–", value)

@@ -16,6 +16,7 @@ from reports.page_elements import (
     Table,
     figure,
     filled,
+    number_cell,
     numbers,
     page,
     table,
@@ -102,7 +103,7 @@ def _systematic(results: DeflectionResults) -> Section:
     shifts = results.fit.systematic_shifts()
     names = list(dict.fromkeys(name for each in shifts.values() for name in each))
     rows: list[Row] = [
-        (term, *(_percent(each.get(name, np.nan)) for name in names))
+        (term, *(number_cell(each.get(name, np.nan)) for name in names))
         for term, each in shifts.items()
     ]
     caption = "Relative change of each result if that assumption were otherwise."
@@ -136,7 +137,7 @@ def share_table(results: DeflectionResults) -> Table:
     kinds = {"fitted": results.fitted_shares, "other": results.shares}
     names = list(dict.fromkeys(name for share in results.fitted_shares for name in share))
     rows: list[Row] = [
-        (f"{kind} {i}", *(_percent(share.get(name, np.nan)) for name in names))
+        (f"{kind} {i}", *(number_cell(share.get(name, np.nan)) for name in names))
         for kind, shares in kinds.items()
         for i, share in enumerate(shares, start=1)
     ]
@@ -182,10 +183,6 @@ def _provenance(results: DeflectionResults, command: str) -> Section:
     inputs = table("inputs", caption, [Column("input"), Column("SHA-256", code=True)], rows)
     body = filled("deflection_provenance.html.j2", command=command, inputs=inputs)
     return Section("provenance", "Provenance", body)
-
-
-def _percent(share: float) -> Number:
-    return Number(text.percent(share) if np.isfinite(share) else "–", share)
 
 
 def _significant(value: float, digits: int) -> str:

@@ -18,6 +18,7 @@ from reports.page_elements import (
     Table,
     figure,
     filled,
+    number_cell,
     numbers,
     page,
     table,
@@ -106,7 +107,7 @@ def accuracy_table(results: VisitStudyResults) -> Table:
     if not np.isnan(results.targets).all():
         columns["target"] = results.targets
     rows: list[Row] = [
-        (name, *(_percent(float(one)) for one in values))
+        (name, *(number_cell(float(one)) for one in values))
         for name, *values in zip(results.names, *columns.values(), strict=True)
     ]
     caption = "Relative standard deviations after these visits, by the model."
@@ -137,7 +138,3 @@ def distinct(visits: Sequence[StudyVisit]) -> dict[str, StudyVisit]:
 
 def _files(command: str) -> Section:
     return Section("files", "Files", filled("visit_study_files.html.j2", command=command))
-
-
-def _percent(value: float) -> Number:
-    return Number(text.percent(value) if np.isfinite(value) else "–", value)

@@ -16,6 +16,7 @@ from reports.page_elements import (
     Table,
     figure,
     filled,
+    number_cell,
     numbers,
     table,
 )
@@ -93,7 +94,7 @@ def std_table(comparison: PlanComparison) -> Table:
         for _, trials in groups:
             promised = _mean([t.promised.std[i] for t in trials])
             std = _mean([t.std[i] for t in trials])
-            row += [_number(promised), _number(std)]
+            row += [number_cell(promised), number_cell(std)]
         rows.append(row)
     titles = [f"{name}: {what}" for name, _ in groups for what in ("Theorem 1", "simulated")]
     caption = (
@@ -141,7 +142,3 @@ def _best(comparison: PlanComparison) -> dict[str, str]:
 
 def _mean(stds: list[float]) -> float:
     return float(np.exp(np.mean(np.log(stds)))) if stds else float("nan")
-
-
-def _number(std: float) -> Number:
-    return Number(text.percent(std) if np.isfinite(std) else "–", std)

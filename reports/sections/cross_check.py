@@ -1,10 +1,8 @@
 """The cross-check: the recommended standard deviations beside every other method's."""
 
-import numpy as np
-
 from estimators.validation.cross_check import CrossCheck
 from reports import text
-from reports.page_elements import Cell, Column, Number, Section, Table, filled, numbers, table
+from reports.page_elements import Cell, Column, Section, Table, filled, number_cell, numbers, table
 from reports.sections.verdict import discredited
 
 
@@ -28,8 +26,8 @@ def verdict_table(check: CrossCheck) -> Table:
     for i, name in enumerate(check.names):
         row: list[Cell] = [name]
         struck = discredited(check.trust.intervals[i])
-        row += [_number(float(std), struck) for std in check.stds[:, i]]
-        row.append(Number(text.fixed(ratio[i], 2) if np.isfinite(ratio[i]) else "–", ratio[i]))
+        row += [number_cell(float(std), struck=struck) for std in check.stds[:, i]]
+        row.append(number_cell(ratio[i], text.fixed, 2))
         rows.append([*row, check.verdicts[i]])
     columns = [
         Column("parameter", code=True),
@@ -37,7 +35,3 @@ def verdict_table(check: CrossCheck) -> Table:
         Column("verdict"),
     ]
     return table("cross-check-table", "Relative standard deviations by method.", columns, rows)
-
-
-def _number(std: float, struck: str) -> Number:
-    return Number(text.percent(std) if np.isfinite(std) else "–", std, struck)

@@ -8,7 +8,17 @@ from oed.experiment.run_experiment import Outcome
 from oed.study.parts import SimulatedData
 from oed.study.results import StudyResults
 from reports import text
-from reports.page_elements import Cell, Column, Number, Section, Table, filled, numbers, table
+from reports.page_elements import (
+    Cell,
+    Column,
+    Number,
+    Section,
+    Table,
+    filled,
+    number_cell,
+    numbers,
+    table,
+)
 from robotmodels.common.arrays import Array
 
 
@@ -59,7 +69,7 @@ def level_table(distortion: Distortion, estimate: FrfEstimate, outputs: tuple[st
         rows.append(
             [output]
             + [
-                Number(text.percent(v) if np.isfinite(v) else "–", v)
+                number_cell(v)
                 for v in (
                     _median(noise[:, :, i]) / scale,
                     _median(beside[:, :, i]) / scale,

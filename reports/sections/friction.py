@@ -1,11 +1,10 @@
 """Levels of Coulomb friction of motors on a page."""
 
-import math
 from collections.abc import Sequence
 
 from estimators.fitting.run_fit import FrictionLevel
 from reports import text
-from reports.page_elements import Column, Number, Row, Table, numbers, table
+from reports.page_elements import Column, Number, Row, Table, number_cell, numbers, table
 
 
 def friction_table(levels: Sequence[FrictionLevel]) -> Table | None:
@@ -23,7 +22,7 @@ def friction_table(levels: Sequence[FrictionLevel]) -> Table | None:
 def _row(one: FrictionLevel) -> Row:
     decimals = text.decimals_for(one.std)
     cells = [
-        Number(text.fixed(value, decimals) if math.isfinite(value) else "–", value)
+        number_cell(value, text.fixed, decimals)
         for value in (one.level, one.std, one.lowest, one.highest)
     ]
     if one.in_file is None:

@@ -1,14 +1,22 @@
 """The parameters: estimates with standard deviations, against the truth if there is one."""
 
-from collections.abc import Callable
-
 import numpy as np
 
 from estimators.trust.intervals import Interval
 from oed.study.results import StudyResults
 from reports import text
 from reports.figures import uncertainty_figures
-from reports.page_elements import Cell, Column, Number, Section, Table, figure, filled, numbers
+from reports.page_elements import (
+    Cell,
+    Column,
+    Number,
+    Section,
+    Table,
+    figure,
+    filled,
+    number_cell,
+    numbers,
+)
 from reports.sections.verdict import agreement, discredited, interval_words
 from robotmodels.common.arrays import Array
 
@@ -85,22 +93,17 @@ def _row(results: StudyResults, i: int, with_truth: bool) -> list[Cell]:
         row.append(Number(text.significant(truth / factor, 4), truth / factor))
     row += [
         Number(text.fixed(value / factor, decimals), value / factor, struck),
-        _number(relative * value / factor, text.fixed, decimals, struck=struck),
+        number_cell(relative * value / factor, text.fixed, decimals, struck=struck),
         unit,
-        _number(relative, text.percent, struck=struck),
+        number_cell(relative, struck=struck),
         Number(interval_words(one, factor, decimals), _width(one) / factor),
         Number(dof_words(one.dof), one.dof),
         str(one.verdict),
-        _number(theorem1, text.percent, struck=struck),
-        _number(sampled, text.percent, struck=struck),
-        _number(theorem1 / sampled, text.fixed, 2),
+        number_cell(theorem1, struck=struck),
+        number_cell(sampled, struck=struck),
+        number_cell(theorem1 / sampled, text.fixed, 2),
     ]
-    return [*row, _number(z, text.fixed, 1)] if with_truth else row
-
-
-def _number(value: float, words: Callable[..., str], *options: int, struck: str = "") -> Number:
-    """Return a number, a dash where there is none."""
-    return Number(words(value, *options) if np.isfinite(value) else "–", value, struck)
+    return [*row, number_cell(z, text.fixed, 1)] if with_truth else row
 
 
 def dof_words(dof: float) -> str:

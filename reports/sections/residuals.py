@@ -16,6 +16,7 @@ from reports.page_elements import (
     Table,
     figure,
     filled,
+    number_cell,
     numbers,
     table,
 )
@@ -108,12 +109,8 @@ def element_table(
 ) -> Table:
     """Return chi squared over its expectation, a row for each of `names`, with their heading."""
     rows: list[Row] = [
-        (name, *(_number(float(value)) for value in row))
+        (name, *(number_cell(float(value), text.fixed, 2) for value in row))
         for name, row in zip(names, ratio, strict=True)
     ]
     caption = "Sum of squared residuals over its expectation, element by element; 1 for noise."
     return table("residuals-by-element", caption, [Column(head), *numbers(*columns)], rows)
-
-
-def _number(value: float) -> Number:
-    return Number(text.fixed(value, 2) if np.isfinite(value) else "–", value)

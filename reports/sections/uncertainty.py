@@ -16,6 +16,7 @@ from reports.page_elements import (
     Table,
     figure,
     filled,
+    number_cell,
     numbers,
     table,
 )
@@ -88,7 +89,7 @@ def convergence_table(p: Posterior) -> Table:
     rows = [
         (
             name,
-            Number(text.fixed(float(r_hat), 3) if np.isfinite(r_hat) else "–", float(r_hat)),
+            number_cell(float(r_hat), text.fixed, 3),
             Number(text.count(round(float(ess))) if np.isfinite(ess) else "–", float(ess)),
             Number(text.significant(float(tau), 3), float(tau)),
         )

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from robotmodels.common.arrays import Array
 from robotmodels.description.outputs import Output
+from robotmodels.description.urdf_elements import number_text
 from robotmodels.elastic.dynamics import gravity_torques
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.exports.formats import sensed_joint
@@ -135,8 +136,8 @@ def _exact(xml: str, model: mujoco.MjModel) -> str:
     """Return MuJoCo's XML, which has six digits, with the numbers of the compiled model."""
     root = ET.fromstring(xml)
     option = _entry(root, "option")
-    option.set("gravity", _numbers(model.opt.gravity))
-    option.set("timestep", _numbers([model.opt.timestep]))
+    option.set("gravity", number_text(model.opt.gravity))
+    option.set("timestep", number_text([model.opt.timestep]))
     for body in root.iter("body"):
         _set_body(body, model)
     for tendon in (*root.iter("fixed"), *root.iter("spatial")):
@@ -176,11 +177,7 @@ def _set_joint(joint: ET.Element, model: mujoco.MjModel) -> None:
 
 def _set(element: ET.Element, **values: Array | Sequence[float]) -> None:
     for key, numbers in values.items():
-        element.set(key, _numbers(numbers))
-
-
-def _numbers(values: Array | Sequence[float]) -> str:
-    return " ".join(repr(float(value)) for value in values)
+        element.set(key, number_text(numbers))
 
 
 def _entry(root: ET.Element, name: str) -> ET.Element:

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from scipy.spatial.transform import Rotation
 
-from robotmodels.common.arrays import Array
 from robotmodels.description.model_files import read_model
 from robotmodels.description.robot_file import Motor, Payload, RobotFile
+from robotmodels.description.urdf_elements import number_text
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.exports.formats import left_out
 from robotmodels.exports.robot_files import relative_to
@@ -55,7 +55,7 @@ def _lock(element: ET.Element, joint: Joint, value: float) -> None:
             element.remove(child)
     element.set("type", "fixed")
     rpy = rotation.as_euler("xyz")
-    element.insert(0, ET.Element("origin", xyz=_numbers(position), rpy=_numbers(rpy)))
+    element.insert(0, ET.Element("origin", xyz=number_text(position), rpy=number_text(rpy)))
 
 
 def _add_motors(root: ET.Element, file: RobotFile) -> None:
@@ -101,14 +101,10 @@ def _add_payload(root: ET.Element, payload: Payload) -> None:
         name += "_"
     link = ET.SubElement(root, "link", name=name)
     inertial = ET.SubElement(link, "inertial")
-    ET.SubElement(inertial, "origin", xyz=_numbers(payload.com), rpy="0 0 0")
+    ET.SubElement(inertial, "origin", xyz=number_text(payload.com), rpy="0 0 0")
     ET.SubElement(inertial, "mass", value=repr(payload.mass))
     moments = zip(_AXES, payload.inertia, strict=True)
     ET.SubElement(inertial, "inertia", {f"i{axes}": repr(value) for axes, value in moments})
     joint = ET.SubElement(root, "joint", name=f"{name}_joint", type="fixed")
     ET.SubElement(joint, "parent", link=payload.link)
     ET.SubElement(joint, "child", link=name)
-
-
-def _numbers(values: Array | tuple[float, ...]) -> str:
-    return " ".join(repr(float(value)) for value in values)
