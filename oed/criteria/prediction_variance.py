@@ -6,10 +6,10 @@ predictions is tr(L M^-1) with L the mean of g g', which `ICriterion` takes.
 
 import numpy as np
 
+from estimators.validation.quantities import Resonances, log_gradients
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.errors import InvalidInput
-from robotmodels.linear.modes import resonances
-from robotmodels.linear.response import Elastic, by_ln_theta, linearize, sensitivity
+from robotmodels.linear.response import Elastic, sensitivity
 
 
 def prediction_matrix(gradients: Array | ComplexArray, shares: Array | None = None) -> Array:
@@ -67,9 +67,4 @@ def log_resonance_gradients(robot: Elastic, positions: Array) -> Array:
     positions : ndarray, (Q, n), rad
         Where resonances are to be predicted.
     """
-    positions = np.atleast_2d(np.asarray(positions, dtype=float))
-
-    def log_frequencies(theta: Array) -> Array:
-        return np.log(resonances(linearize(robot, positions, theta)).frequencies)
-
-    return by_ln_theta(log_frequencies, robot.parameters.values)
+    return np.asarray(log_gradients(robot, Resonances(motors="free"), positions))

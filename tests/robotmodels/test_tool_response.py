@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 from mujoco_arm import MujocoArm
-from robots import CRANE, PENDULUM, SPLIT, WALL, built
+from robots import CRANE, PARALLELOGRAM, PENDULUM, SPLIT, WALL, built
 
 from robotmodels import (
     ElasticRobot,
@@ -17,6 +17,7 @@ from robotmodels import (
 )
 from robotmodels.description.outputs import Output
 from robotmodels.description.urdf import locate
+from robotmodels.elastic.tool_response import frame_kinematics
 
 TIP = Frame("rod", (0.8, 0.0, 0.0))
 FRAMES = {
@@ -147,14 +148,21 @@ def test_receptance_is_that_of_a_simulated_force_at_the_site():
     assert abs(measured - control).max() > 0.02 * abs(expected).max()
 
 
-def test_parallel_linkages_have_compliances():
-    robot = built(CRANE)
-    compliance = tool_model(
-        robot, robot.position_limits.mean(axis=1)[None], tool_frame(robot)
-    ).compliance()
-    values = np.linalg.eigvalsh(compliance[0])
-    assert values[-1] > 0
-    assert values[0] > -1e-12 * values[-1]
+@pytest.mark.parametrize("content", [CRANE, PARALLELOGRAM, SPLIT], ids=lambda c: c["name"])
+def test_jacobians_are_derivatives_of_the_point_by_coordinates(content):
+    """Also where joints follow others, and motors stay behind."""
+    robot = built(content)
+    low, high = robot.position_limits.T
+    position = (0.6 * low + 0.4 * high)[None]
+    frame, theta = tool_frame(robot), robot.parameters.values
+    coordinates = robot.equilibrium(position).coordinates
+    jacobian = tool_model(robot, position, frame).jacobian[0]
+    assert not jacobian[:, coordinates.shape[1] :].any()
+    for j, step in enumerate(1e-6 * np.eye(coordinates.shape[1])):
+        ahead, behind = (
+            frame_kinematics(robot, frame, coordinates + h, theta)[1][0] for h in (step, -step)
+        )
+        np.testing.assert_allclose(jacobian[:3, j], (ahead - behind) / 2e-6, atol=1e-7)
 
 
 def test_mistakes_name_frame_and_motors():
