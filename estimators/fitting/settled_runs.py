@@ -191,11 +191,9 @@ def runs_at(
     if not data.silent:
         return data
     at = frequency_response(model, data.positions, data.omega, values)
-    covariance = []
+    covariance, freedom = data.covariance.copy(), data.degrees_of_freedom.copy()
     for q, silent in enumerate(data.silent):
-        if silent is None:
-            covariance.append(data.covariance[q])
-            continue
-        here = frequency_response(model, data.positions[q : q + 1], silent.omega, values)[0]
-        covariance.append(silent.covariance_beside(data.omega, at[q], here))
-    return replace(data, covariance=np.stack(covariance))
+        if silent is not None:
+            here = frequency_response(model, data.positions[q : q + 1], silent.omega, values)[0]
+            covariance[q], freedom[q] = silent.covariance_beside(data.omega, at[q], here)
+    return replace(data, covariance=covariance, degrees_of_freedom=freedom)

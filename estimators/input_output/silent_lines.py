@@ -12,6 +12,9 @@ import numpy as np
 from estimators.input_output.noise_law import NoiseLaw
 from robotmodels.common.arrays import Array, ComplexArray, IntArray
 
+_SHRINK = 2
+"""Draws without correlation that each output adds to those of its correlation with others."""
+
 
 @dataclass(frozen=True, eq=False)
 class SilentLines:
@@ -48,11 +51,14 @@ class SilentLines:
         outputs = self._growth(omega) * self.outputs[:, near]
         return self._products(np.concatenate([outputs, self.inputs[:, near]], axis=-1))
 
-    def covariance_beside(self, omega: Array, at: ComplexArray, here: ComplexArray) -> ComplexArray:
+    def covariance_beside(
+        self, omega: Array, at: ComplexArray, here: ComplexArray
+    ) -> tuple[ComplexArray, float]:
         """Return the covariance of outputs and torques beside what FRFs explain.
 
         Levels of friction are those of these lines: a robot that fits badly elsewhere has other
-        ones there. Errors are whitened by their law here and coloured by it at excited lines.
+        ones there. Errors are whitened by their law here. What correlation is left, shrunk towards
+        none, counts for all lines, their size for the nearest; the law colours them there.
 
         Parameters
         ----------
@@ -65,8 +71,10 @@ class SilentLines:
 
         Returns
         -------
-        ndarray of complex, (F, m + n, m + n)
-            Covariance.
+        covariance : ndarray of complex, (F, m + n, m + n)
+            Of errors of outputs; torques count as exact, as their errors are in those.
+        degrees_of_freedom : float
+            By how much it scatters: that of a Wishart matrix whose inverse is as large in the mean.
         """
         m, n = here.shape[1:]
         law = NoiseLaw(np.zeros(n), np.ones(m), self.derivatives)
@@ -77,10 +85,17 @@ class SilentLines:
             power = (np.abs(errors) ** 2).mean(axis=0)
             law = NoiseLaw.likeliest(power, self.omega, here, self.derivatives)
         white = np.linalg.solve(law.root(self.omega, here), errors[..., None])[..., 0]
-        near = self.nearest
-        outputs = np.einsum("fim,kfsm->kfsi", law.root(omega, at), white[:, near])
-        outputs += np.einsum("fmn,kfsn->kfsm", at, torques[:, near])
-        return self._products(np.concatenate([outputs, torques[:, near]], axis=-1))
+        draws, prior = white.shape[0] * white.shape[1], _SHRINK * m
+        W = np.einsum("kdi,kdj->ij", white, np.conj(white))
+        W = (W / W.trace().real * m * draws + prior * np.eye(m)) / (draws + prior)
+        size = np.einsum("kdi,ij,kdj->d", np.conj(white), np.linalg.inv(W), white).real
+        scale = size[self.nearest].mean(axis=1) / (len(white) * m)
+        root = law.root(omega, at) * np.sqrt(scale)[:, None, None]
+        beside = root @ W @ np.conj(np.swapaxes(root, 1, 2))
+        covariance = np.zeros((len(omega), m + n, m + n), dtype=complex)
+        covariance[:, :m, :m] = root @ W @ np.conj(np.swapaxes(root, 1, 2))
+        alike = draws * (1 - 1 / m**2) / (draws + prior) ** 2
+        return covariance, float(1 / (1 / (self.degrees_of_freedom * m**2) + alike))
 
     def _torques(self, whiten: ComplexArray, here: ComplexArray) -> ComplexArray:
         """Return torques less friction of the levels that leave least errors, (K, D, n)."""

@@ -235,7 +235,7 @@ def test_silent_lines_show_what_an_frf_leaves(disturbed: bool, rub: bool) -> Non
     lines = SilentLines(silent, outputs, inputs, np.full(m, 2), nearest)
     X = np.concatenate([np.broadcast_to(np.eye(m), (len(excited), m, m)), -at], axis=2)
     adjoint = np.conj(np.swapaxes(X, 1, 2))
-    covariance = X @ lines.covariance_beside(excited, at, here) @ adjoint
+    covariance = X @ lines.covariance_beside(excited, at, here)[0] @ adjoint
     right = 1e-10 * excited[:, None, None] ** 4 * np.eye(m)
     if disturbed:
         right = right + 1e-4 * at @ np.conj(np.swapaxes(at, 1, 2))
