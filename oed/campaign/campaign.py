@@ -16,6 +16,7 @@ import numpy as np
 from estimators.fitting.fitted_robot import fitted_robot
 from estimators.input_output.friction_shares import check_motors
 from oed.campaign.checks import check_hope, check_low_level, check_unchanged
+from oed.campaign.driven_robot import write_visit_files
 from oed.campaign.estimate import Estimate, fitted_visits
 from oed.campaign.evaluation import Evaluation
 from oed.campaign.planning import FEWEST
@@ -23,7 +24,6 @@ from oed.campaign.settings import CampaignSettings, load_campaign
 from oed.campaign.status import CampaignStatus
 from oed.campaign.visit_plan import line_grid
 from oed.campaign.visits import Purpose, Visit, VisitFolder
-from oed.experiment.controller_files import write_controller_files
 from oed.experiment.experiment_plan import ExperimentPlan
 from oed.experiment.prepare import friction_of
 from oed.study.stage_cache import open_stages
@@ -190,7 +190,7 @@ class Campaign:
         """Write visits whose limits were met by `robot`."""
 
         def write_files(plan: ExperimentPlan, files: Path) -> None:
-            write_controller_files(plan, files, self.settings.files, self.settings, robot)
+            write_visit_files(plan, files, self.settings, robot)
 
         return self._folder.add(plans, purpose, self._digest, write_files)
 

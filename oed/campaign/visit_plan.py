@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import nnls
 
+from oed.campaign.driven_robot import driven, driven_by, net_torques, rms_speeds
 from oed.campaign.settings import VisitSettings
 from oed.candidates.screening import usable
 from oed.experiment.amplitude_scaling import Scaling, fair_amplitudes
@@ -165,11 +166,11 @@ def motion_levels(settings: VisitSettings, robot: ElasticRobot) -> tuple[Array, 
 def visit_spectrum(
     plan: ExperimentPlan, robot: ElasticRobot, controller: Controller
 ) -> ComplexArray:
-    """Return Phi of the first visit's torques by the linear loop, (F, n, n) [N^2 m^2]."""
-    sine = plan.multisine
-    loop = closed_loop(robot.network(plan.visited[:1]), sine.omega, controller)
+    """Return Phi of the first visit's torques less friction by the loop, (F, n, n) [N^2 m^2]."""
+    sine, rubbing = plan.multisine, driven_by(plan, robot, controller)
+    loop = closed_loop(rubbing.network(plan.visited[:1]), sine.omega, controller)
     R = plan.scale[0] * sine.spectrum(plan.phases[0])[0, ..., : plan.runs]
-    U = loop.torque[0] @ R * (np.sqrt(2) / sine.samples)
+    U = net_torques(loop, sine.omega, robot, rubbing) @ R * (np.sqrt(2) / sine.samples)
     return np.asarray(U @ np.conj(np.swapaxes(U, 1, 2)))
 
 
@@ -205,7 +206,7 @@ def visit_plan(
     part: float = 1.0,
     runs: int = 1,
 ) -> Scaling:
-    """Return a plan of one run whose torques are in the ratios of `torques` (F, n).
+    """Return a plan of one run whose torques less friction are in the ratios of `torques` (F, n).
 
     Of several orthogonal ones their powers are, summed over the runs.
 
@@ -219,6 +220,7 @@ def visit_plan(
         Where to go.
     torques : ndarray of complex, (F, n), N m
         Amplitude and phase of each line; the common factor is the largest that the limits allow.
+        Friction is taken for what it is near these amplitudes; for a part of them it is left out.
     periods : int
         To measure.
     start : ndarray or None, (n,), rad
@@ -237,11 +239,13 @@ def visit_plan(
     """
     grid = line_grid(settings, len(robot.motor_names))
     controller = controller_of(settings, robot)
-    loop = closed_loop(robot.network(position[None]), grid.omega, controller)
+    rubbing = robot if part < 1 else _driven_by(torques, runs, position, grid, robot, controller)
+    loop = closed_loop(rubbing.network(position[None]), grid.omega, controller)
+    net = net_torques(loop, grid.omega, robot, rubbing)
     if runs > 1:
-        R = _orthogonal(loop.torque[0], torques)
+        R = _orthogonal(net, torques)
     else:
-        R = np.asarray(np.linalg.solve(loop.torque[0], torques[..., None])[..., 0], dtype=complex)
+        R = np.asarray(np.linalg.solve(net, torques[..., None])[..., 0], dtype=complex)
     plan = ExperimentPlan(
         robot=robot.name,
         positions=position[None],
@@ -258,9 +262,25 @@ def visit_plan(
         settle=settings.settle,
     )
     plan = replace(plan, carrier=_carrier(settings, controller, robot, position, grid))
-    scaled = within_limits(settings, plan, robot, controller)
+    scaled = within_limits(settings, plan, rubbing, controller)
     slow = plan.carrier and plan.carrier.scaled(part)
     return replace(scaled, plan=replace(scaled.plan.rescaled(np.asarray(part)), carrier=slow))
+
+
+def _driven_by(
+    torques: ComplexArray,
+    runs: int,
+    position: Array,
+    grid: Multisine,
+    robot: ElasticRobot,
+    controller: Controller,
+) -> ElasticRobot:
+    """Return the robot as torques (F, n) less friction drive it, which alone tell the speeds."""
+    if not any(motor.coulomb for motor in robot.file.motors):
+        return robot
+    loop = closed_loop(robot.network(position[None]), grid.omega, controller)
+    angles = loop.angle[0] @ np.linalg.solve(loop.torque[0], torques[..., None])
+    return driven(robot, rms_speeds(angles, grid.omega) / np.sqrt(runs))
 
 
 def _orthogonal(loop: ComplexArray, torques: ComplexArray) -> ComplexArray:

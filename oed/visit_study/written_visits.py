@@ -4,9 +4,9 @@ import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
+from oed.campaign.driven_robot import write_visit_files
 from oed.campaign.simulated import simulate_visits
 from oed.campaign.visits import Visit, VisitFolder
-from oed.experiment.controller_files import write_controller_files
 from oed.experiment.experiment_plan import ExperimentPlan
 from oed.visit_study.study_file import VisitStudy
 from robotmodels import ElasticRobot, load_robot
@@ -44,7 +44,7 @@ def write_visits(
     digest = robot_digest(robot)
 
     def write_files(plan: ExperimentPlan, folder: Path) -> None:
-        write_controller_files(plan, folder, study.files, study, robot)
+        write_visit_files(plan, folder, study, robot)
 
     return visits.add(plans, "study", digest, write_files)
 
