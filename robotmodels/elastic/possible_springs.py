@@ -56,7 +56,7 @@ def possible_springs(robot: ElasticRobot, cuts: Sequence[float] = CUTS) -> tuple
         for spring in (*_of_joints(robot), *_of_links(robot, cuts))
         if (spring.joint or (spring.link, spring.at), spring.axis) not in present
     ]
-    return tuple(_buildable(robot, absent))
+    return tuple(_buildable(robot, _renamed(robot, absent)))
 
 
 def with_springs(robot: ElasticRobot, springs: Sequence[Spring], *, free: bool) -> ElasticRobot:
@@ -87,6 +87,22 @@ def with_springs(robot: ElasticRobot, springs: Sequence[Spring], *, free: bool) 
         raise InvalidInput(f"springs: {reason}") from None
 
 
+def _renamed(robot: ElasticRobot, springs: Sequence[Spring]) -> list[Spring]:
+    """Return springs whose names nothing else of the robot has."""
+    file, renamed = robot.file, list[Spring]()
+    taken = {*robot.output_names, *robot.rigid.names, *file.lock}
+    for part in (file.motors, file.springs, file.counterbalances, file.friction):
+        taken.update(item.name for item in part)
+    for spring in springs:
+        name, number = spring.name, 1
+        while name in taken:
+            number += 1
+            name = f"{spring.name} {number}"
+        taken.add(name)
+        renamed.append(spring.model_copy(update={"name": name}))
+    return renamed
+
+
 def _buildable(
     robot: ElasticRobot, springs: Sequence[Spring], beside: Sequence[Spring] = ()
 ) -> list[Spring]:
@@ -103,8 +119,10 @@ def _buildable(
 
 
 def _spring(name: str, axis: str, **where: object) -> Spring:
+    # Names of links may have what names of springs may not.
+    called = f"{name} {axis}".replace(".", "_").lstrip("=+-@")
     values = {"stiffness": STIFFNESS, "damping": STIFFNESS * DAMPING_TIME}
-    return Spring.model_validate({"name": f"{name} {axis}", "axis": axis, **where, **values})
+    return Spring.model_validate({"name": called, "axis": axis, **where, **values})
 
 
 def _of_joints(robot: ElasticRobot) -> Iterator[Spring]:

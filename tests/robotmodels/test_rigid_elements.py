@@ -132,3 +132,39 @@ def test_joints_that_follow_others_move_along():
         derivative = h[:, :, i, :, None] * f[:, :, i, None, :] / DAMPED
         size = np.linalg.norm(derivative)
         assert np.linalg.norm(change - derivative) < 5e-3 * size + 1e-9, spring.name
+
+
+def test_names_are_those_of_springs_and_unique(tmp_path):
+    robot = robotmodels.load_robot("manutec_r3")
+    urdf = robot.model_file.path.read_text().replace('"joint3"', '"joint.3"')
+    (tmp_path / "robot.urdf").write_text(urdf)
+    motors = [
+        motor.model_copy(update={"joint": motor.joint.replace("joint3", "joint.3")})
+        for motor in robot.file.motors
+    ]
+    springs = [
+        spring.model_copy(
+            update={
+                "joint": spring.joint.replace("joint3", "joint.3"),
+                "name": "joint1 x" if spring.name == "g2" else spring.name,
+            }
+        )
+        for spring in robot.file.springs
+    ]
+    update = {"urdf": "robot.urdf", "motors": motors, "springs": springs}
+    other = ElasticRobot(robot.file.model_copy(update=update), tmp_path)
+    absent = possible_springs(other)
+    assert len(absent) == len(possible_springs(robot))
+    assert {"joint1 x 2", "joint_3 y"} <= {spring.name for spring in absent}
+
+
+def test_two_cuts_of_one_link_keep_their_axes_apart():
+    robot = robotmodels.load_robot("ur10")
+    cuts = [s for s in possible_springs(robot) if s.link == "forearm_link" and s.axis == "x"]
+    cut = with_springs(robot, cuts, free=True)
+    absent = [s for s in possible_springs(cut) if s.link == "forearm_link"]
+    assert len(absent) == 4
+    assert len({spring.name for spring in absent}) == 4
+    h, f = reaction_factors(cut, absent, _positions(cut), OMEGA)
+    assert np.isfinite(h).all()
+    assert f.any()
