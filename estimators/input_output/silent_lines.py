@@ -91,7 +91,6 @@ class SilentLines:
         size = np.einsum("kdi,ij,kdj->d", np.conj(white), np.linalg.inv(W), white).real
         scale = size[self.nearest].mean(axis=1) / (len(white) * m)
         root = law.root(omega, at) * np.sqrt(scale)[:, None, None]
-        beside = root @ W @ np.conj(np.swapaxes(root, 1, 2))
         covariance = np.zeros((len(omega), m + n, m + n), dtype=complex)
         covariance[:, :m, :m] = root @ W @ np.conj(np.swapaxes(root, 1, 2))
         alike = draws * (1 - 1 / m**2) / (draws + prior) ** 2

@@ -263,6 +263,10 @@ def visit_plan(
     )
     plan = replace(plan, carrier=_carrier(settings, controller, robot, position, grid))
     scaled = within_limits(settings, plan, rubbing, controller)
+    if rubbing is not robot:
+        # The larger the speeds, the smaller the dampers: once more by those of the scaled plan.
+        rubbing = driven_by(scaled.plan, robot, controller)
+        scaled = within_limits(settings, scaled.plan, rubbing, controller)
     slow = plan.carrier and plan.carrier.scaled(part)
     return replace(scaled, plan=replace(scaled.plan.rescaled(np.asarray(part)), carrier=slow))
 

@@ -1,0 +1,66 @@
+"""Friction that plans of visits heed, against simulated visits."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from axis_campaign import TRUTH, write_campaign
+
+from estimators import run_spectra
+from oed import Campaign, simulate_visits
+from oed.campaign.driven_robot import driven_by, rms_speeds
+from oed.campaign.visit_plan import visit_spectrum
+from oed.experiment.draw_plan import experiment_plan
+from oed.experiment.multisine import Multisine
+from oed.experiment.prepare import controller_of
+from robotmodels import load_robot, save_robot
+from robotmodels.simulation.controller import default_controller
+from robotmodels.simulation.loop_noise import closed_loop
+
+LEVEL = 0.6
+"""About the root mean square of the torques [N m]."""
+
+
+def test_torques_less_friction_are_the_planned_ones(tmp_path: Path) -> None:
+    """As dampers at the plan's speeds friction is heeded; left out, torques seem far larger."""
+    path = write_campaign(tmp_path, ("friction: 0", "friction: 1"))
+    robot = load_robot(TRUTH)
+    motors = [motor.model_copy(update={"coulomb": LEVEL}) for motor in robot.file.motors]
+    robot = replace(robot, file=robot.file.model_copy(update={"motors": motors}))
+    save_robot(robot, tmp_path / "guesses.yaml")
+    for _ in range(2):
+        campaign = Campaign.load(path)
+        visits = campaign.ask()
+        simulate_visits(campaign.settings, campaign.robot, robot, visits)
+    visit, controller = visits[0], controller_of(campaign.settings, robot)
+    data = run_spectra(visit.records, "detection", friction=robot, weak=True)
+    assert data.coulomb is not None
+    net = data.inputs[0, 0] - LEVEL * data.coulomb.shares[0, 0]
+    power = 2 * np.abs(net[:, 0]) ** 2
+    planned = visit_spectrum(visit.plan, robot, controller)[:, 0, 0].real
+    assert np.sqrt(planned.sum() / power.sum()) == pytest.approx(1, abs=0.05)
+    smooth = robot.file.model_copy(update={"motors": load_robot(TRUTH).file.motors})
+    ignored = visit_spectrum(visit.plan, replace(robot, file=smooth), controller)[:, 0, 0].real
+    assert np.sqrt(ignored.sum() / power.sum()) > 1.1
+
+
+def test_dampers_belong_to_the_speeds_they_leave() -> None:
+    """Of sharp friction damper and rms speed make coulomb sqrt(2 / pi); nothing rubs, no damper."""
+    robot = load_robot("manutec_r3")
+    n = len(robot.motor_names)
+    controller = default_controller(robot, 0.002)
+    grid = Multisine(500, 0.002, np.arange(5, 60, 2), n).with_amplitudes(np.full((28, n), 20.0))
+    rng = np.random.default_rng(1)
+    plan = experiment_plan(
+        robot, np.zeros((1, n)), grid, blocks=1, periods=2, speed=1.0, acceleration=5.0, rng=rng
+    )
+    after = driven_by(plan, robot, controller)
+    loop = closed_loop(after.network(np.zeros((1, n))), grid.omega, controller)
+    R = grid.spectrum(plan.phases[0])[0, ..., : plan.runs] * (2 / grid.samples)
+    speeds = rms_speeds(loop.angle[0] @ R, grid.omega)
+    pairs = zip(robot.file.motors, after.file.motors, strict=True)
+    dampers = [b.viscous - a.viscous for a, b in pairs]
+    levels = np.array([motor.coulomb for motor in robot.file.motors])
+    assert dampers * speeds == pytest.approx(levels * np.sqrt(2 / np.pi), rel=1e-2)
+    assert driven_by(plan, after, controller) is after
