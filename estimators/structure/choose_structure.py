@@ -16,7 +16,7 @@ from estimators.fitting.fitted_model import FittedModel
 from estimators.structure.refits import SHORTLIST, Refits
 from estimators.structure.score_table import TOLD_APART, Score, ScoreTable
 from estimators.structure.score_tests import DAMPING_TIMES
-from robotmodels.common.arrays import check_level
+from robotmodels.common.arrays import check_count, check_level
 from robotmodels.common.printing import ReprHtml
 from robotmodels.description.robot_file import Spring
 from robotmodels.elastic.possible_springs import possible_springs
@@ -125,7 +125,7 @@ def choose_structure(
     level : float
         Probability of a false alarm of all score tests of a step together.
     most : int
-        Number of springs that are added at most.
+        Number of springs that are added at most, 0 for none.
     damping_times : sequence of float
         As of `score_tests`.
 
@@ -137,6 +137,7 @@ def choose_structure(
         If the search could not begin.
     """
     check_level(level, "choose_structure")
+    check_count(most, "choose_structure: most", 0)
     robot = underlying_robot(fit.model)
     springs = possible_springs(robot) if elements is None else tuple(elements)
     choice = _Choice(Refits(robot, springs, tuple(damping_times)), level, fit)

@@ -29,7 +29,7 @@ from estimators.trust.linearised_fit import LinearisedFit, Lines
 from estimators.trust.residual_size import line_probabilities
 from estimators.trust.rule import find_correlation
 from robotmodels.common.arrays import Array, BoolArray, ComplexArray
-from robotmodels.common.errors import InvalidInput
+from robotmodels.common.errors import InvalidInput, SolverFailed
 from robotmodels.description.robot_file import Spring
 from robotmodels.elastic.possible_springs import possible_springs
 from robotmodels.elastic.robot import ElasticRobot
@@ -76,6 +76,8 @@ def score_tests(
     times = np.array(damping_times, dtype=float)
     if not times.size or not (np.isfinite(times) & (times >= 0)).all():
         raise InvalidInput(f"damping_times: {list(damping_times)}; times of 0 s or more are needed")
+    if not np.isfinite(fit.cost):
+        raise SolverFailed(f"no score tests without a fit: {fit.message}")
     robot = underlying_robot(fit.model)
     springs = possible_springs(robot) if elements is None else tuple(elements)
     problem, values = fit.problem, fit.parameters.values

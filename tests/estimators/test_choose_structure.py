@@ -125,3 +125,5 @@ def test_predicted_detection_is_that_of_simulated_fits():
 def test_a_level_that_is_none_is_refused(base):
     with pytest.raises(InvalidInput, match="level 2"):
         choose_structure(base, SPRINGS, level=2.0)
+    with pytest.raises(InvalidInput, match="most"):
+        choose_structure(base, SPRINGS, most=-1)

@@ -12,7 +12,7 @@ from estimators import fit, score_tests, simulate_frf
 from estimators.frf.frf_estimate import noisy_frf
 from estimators.structure.score_table import twins
 from estimators.structure.score_tests import effective_number
-from robotmodels import CoupledChains, InvalidInput, RelativeNoise
+from robotmodels import CoupledChains, InvalidInput, RelativeNoise, SolverFailed
 from robotmodels.elastic.possible_springs import possible_springs, with_springs
 
 OMEGA = 2 * np.pi * np.linspace(4, 60, 25)
@@ -119,6 +119,8 @@ def test_what_is_no_robot_or_no_time_is_refused():
     single = fit(chains, estimate, "nls", "optimal")
     with pytest.raises(InvalidInput, match="only a robot of a robot file"):
         score_tests(single)
+    with pytest.raises(SolverFailed, match="no score tests without a fit"):
+        score_tests(replace(single, cost=np.inf))
     with pytest.raises(InvalidInput, match="damping_times"):
         score_tests(single, damping_times=[-1.0])
 
