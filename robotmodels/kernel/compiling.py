@@ -40,6 +40,8 @@ class _InnerLibrary(JITCodeLibrary):
 
 
 class _InnerCompiler(Compiler):
+    """numba's compiler, which makes a library of inner code and no function for Python."""
+
     def __init__(self, typingctx, targetctx, library, *options):
         library = library or _InnerLibrary(targetctx.codegen(), "inner")
         super().__init__(typingctx, targetctx, library, *options)
@@ -47,6 +49,7 @@ class _InnerCompiler(Compiler):
 
 
 def _no_executable(library, fndesc, env):
+    """Return what stands for an inner function in numba's registries; nothing calls it."""
     return _dynfunc.make_function(fndesc.lookup_module(), fndesc.qualname, "", 0, env, (library,))
 
 
