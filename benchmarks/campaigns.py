@@ -41,7 +41,7 @@ TORQUES = {
 }
 """Largest torques of the motors [N m]."""
 DISTURBANCES = {"ur10": 0.018, "manutec_r3_26": 0.034, "kr240_class": 0.25}
-"""Standard deviation of a sample over the largest torque: the fixed plan takes 30 minutes or more."""
+"""Standard deviation of a sample over the largest torque; the fixed plan takes half an hour."""
 FRICTION = 0.05
 """Level over the largest torque, of robots whose files have none."""
 ENCODERS = 2e-5

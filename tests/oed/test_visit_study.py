@@ -1,5 +1,7 @@
 """Visits as they are written: what their torques are, and what they promise."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import yaml
@@ -39,8 +41,10 @@ def results(study):
 
 @pytest.mark.parametrize("runs", [1, 6])
 def test_spectra_of_visits_are_those_of_simulated_torques(study, runs):
-    """MuJoCo's records against the linear loop, of one run and of orthogonal ones."""
+    """MuJoCo's records without friction against the linear loop, of one run and orthogonal ones."""
     robot = load_robot("manutec_r3")
+    motors = [motor.model_copy(update={"coulomb": 0.0}) for motor in robot.file.motors]
+    robot = replace(robot, file=robot.file.model_copy(update={"motors": motors}))
     controller = controller_of(study, robot)
     rng = np.random.default_rng(runs)
     position = np.array(STUDY["candidates"]["positions"][0])
