@@ -4,11 +4,13 @@ import json
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
+from estimators import simulate_frf, write_frf
 from reports import cli
-from robotmodels import load_robot, possible_springs, save_robot, with_springs
+from robotmodels import RelativeNoise, load_robot, possible_springs, save_robot, with_springs
 
 ROBOT = load_robot("moberg_axis1")
 
@@ -78,3 +80,34 @@ def test_a_level_that_is_none_is_refused(study, monkeypatch, capsys) -> None:
     code, out, err = oed(monkeypatch, capsys, str(study), "--level", "0")
     assert (code, out) == (2, "")
     assert "level 0" in err
+
+
+@pytest.mark.slow
+def test_wrong_steps_are_exchanged_and_dropped_and_positions_held_out_say_so(
+    tmp_path, monkeypatch, capsys
+) -> None:
+    robot = load_robot("manutec_r3")
+    spring = next(spring for spring in possible_springs(robot) if spring.name == "joint2 z")
+    spring = spring.model_copy(update={"stiffness": 2e6, "damping": 2e3})
+    low, high = np.clip(robot.position_limits, -1.5, 1.5).T
+    positions = np.random.default_rng(7).uniform(low, high, (4, 6))
+    omega, noise = 2 * np.pi * np.linspace(4, 60, 14), RelativeNoise(0.03, 0.01)
+    truth = with_springs(robot, [spring], free=True)
+    data = simulate_frf(truth, positions, omega, noise, np.random.default_rng(1))
+    write_frf(tmp_path / "frf.h5", data)
+    content = {
+        "schema": "study/1",
+        "robot": "manutec_r3",
+        "data": {"frf": "frf.h5"},
+        "fit": {"starts": 1, "decades": 0.0, "residuals": ["nls"]},
+        "validation": {"positions": [3]},
+        "output": "out",
+    }
+    (tmp_path / "study.yaml").write_text(yaml.safe_dump(content))
+    code, out, err = oed(monkeypatch, capsys, str(tmp_path / "study.yaml"), "--json")
+    assert code == 0, err
+    document = json.loads(out)
+    assert [one["name"] for one in document["springs"]] == ["joint2 z"]
+    assert len(document["held_out"]) == len(document["steps"]) + 1
+    assert document["held_out"][0] > 1.2
+    assert document["held_out"][-1] == pytest.approx(1, abs=0.1)
