@@ -86,7 +86,7 @@ def wilson(hits: int, count: int) -> float:
         return 0.0
     z, p = 1.96, hits / count
     centre, half = p + z**2 / (2 * count), z * math.sqrt(p * (1 - p) / count + (z / count) ** 2 / 4)
-    return (centre - half) / (1 + z**2 / count)
+    return max((centre - half) / (1 + z**2 / count), 0.0)
 
 
 def report(runs: list[dict[str, object]]) -> str:
