@@ -188,6 +188,7 @@ class RunProblem(FitProblem):
             deviations=None,
             degrees_of_freedom=freedom,
             line_correlation=np.empty(0),
+            sharing=float(1 + (f * m * runs / self.data.shared_draws).mean()),
             prior=prior if self.prior is None else self.prior.information(self.names),
             scatter_factor=(variance_factor(freedom, self.rows) / size)[:, None, None],
         )

@@ -192,8 +192,9 @@ def runs_at(
         return data
     at = frequency_response(model, data.positions, data.omega, values)
     covariance, freedom = data.covariance.copy(), data.degrees_of_freedom.copy()
+    shared = data.shared_draws.copy()
     for q, silent in enumerate(data.silent):
         if silent is not None:
             here = frequency_response(model, data.positions[q : q + 1], silent.omega, values)[0]
-            covariance[q], freedom[q] = silent.covariance_beside(data.omega, at[q], here)
-    return replace(data, covariance=covariance, degrees_of_freedom=freedom)
+            covariance[q], freedom[q], shared[q] = silent.covariance_beside(data.omega, at[q], here)
+    return replace(data, covariance=covariance, degrees_of_freedom=freedom, shared_draws=shared)

@@ -31,11 +31,14 @@ class NoiseLaw:
         Of the spectra of outputs before they are differentiated.
     derivatives : ndarray of int, (m,)
         How often outputs were differentiated.
+    count : int
+        Variances that errors tell; the others are the least that are possible.
     """
 
     disturbances: Array
     sensors: Array
     derivatives: IntArray
+    count: int = 0
 
     @classmethod
     def likeliest(
@@ -67,7 +70,7 @@ class NoiseLaw:
             slope = np.einsum("dij,di->j", shares, power / expected**2)
             step = np.sqrt(slope / np.einsum("dij,di->j", shares, 1 / expected))
             law = np.maximum(law * step, least)
-        return cls(law[:n], law[n:], derivatives)
+        return cls(law[:n], law[n:], derivatives, int((law > least).sum()))
 
     def covariance(self, omega: Array, response: ComplexArray) -> ComplexArray:
         """Return S at lines with FRFs (..., F, m, n), (..., F, m, m)."""

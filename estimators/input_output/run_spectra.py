@@ -55,6 +55,8 @@ class RunSpectra(ReprHtml):
     degrees_of_freedom : ndarray, (Q,)
         Complex degrees of freedom of the covariance; infinite where it is declared. A scalar
         stands for all positions.
+    shared_draws : ndarray, (Q,)
+        Complex draws that covariances of all lines of a position share; infinite if none.
     noise : str
         Where the covariance comes from, for people.
     sample_time : float, s, optional
@@ -82,6 +84,7 @@ class RunSpectra(ReprHtml):
     outputs: ComplexArray
     covariance: ComplexArray
     degrees_of_freedom: Array = np.inf  # type: ignore[assignment]
+    shared_draws: Array = np.inf  # type: ignore[assignment]
     noise: str = "declared"
     sample_time: float | None = None
     delay: float = 0.0
@@ -118,7 +121,9 @@ class RunSpectra(ReprHtml):
                 "friction: that of runs that do not end as they began is not estimated; "
                 "take states='no' and periodic runs"
             )
-        arrays |= {"degrees_of_freedom": freedom, "derivatives": derivatives}
+        shared = _freedom(self.shared_draws, q, "shared_draws")
+        arrays |= {"degrees_of_freedom": freedom, "shared_draws": shared}
+        arrays |= {"derivatives": derivatives}
         for name, value in arrays.items():
             object.__setattr__(self, name, read_only(value))
 
@@ -205,7 +210,7 @@ class RunSpectra(ReprHtml):
 STATES = ("auto", "yes", "no", "polynomial")
 
 
-_EACH = ("positions", "inputs", "outputs", "covariance", "degrees_of_freedom")
+_EACH = ("positions", "inputs", "outputs", "covariance", "degrees_of_freedom", "shared_draws")
 """Arrays with a row for each position."""
 
 _ALIKE = ("lines", "inputs or outputs", "states, derivatives, friction or commands")
@@ -399,17 +404,13 @@ def _check_alive(records: Records, who: str) -> None:
         )
 
 
-def _freedom(stated: ArrayLike, positions: int) -> Array:
+def _freedom(stated: ArrayLike, positions: int, name: str = "degrees_of_freedom") -> Array:
     """Return degrees of freedom of each position, (Q,)."""
-    freedom = real_numbers(stated, "degrees_of_freedom")
+    freedom = real_numbers(stated, name)
     if freedom.shape not in ((), (positions,)):
-        raise InvalidInput(
-            f"degrees_of_freedom: shape {freedom.shape}; () or ({positions},) is needed"
-        )
+        raise InvalidInput(f"{name}: shape {freedom.shape}; () or ({positions},) is needed")
     if not (freedom >= FEWEST).all():
-        raise InvalidInput(
-            f"degrees_of_freedom: {np.nanmin(freedom):g}; {FEWEST} at least are needed"
-        )
+        raise InvalidInput(f"{name}: {np.nanmin(freedom):g}; {FEWEST} at least are needed")
     return np.broadcast_to(freedom, (positions,)).copy()
 
 

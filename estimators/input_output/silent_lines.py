@@ -53,7 +53,7 @@ class SilentLines:
 
     def covariance_beside(
         self, omega: Array, at: ComplexArray, here: ComplexArray
-    ) -> tuple[ComplexArray, float]:
+    ) -> tuple[ComplexArray, float, float]:
         """Return the covariance of outputs and torques beside what FRFs explain.
 
         Levels of friction are those of these lines: a robot that fits badly elsewhere has other
@@ -75,6 +75,8 @@ class SilentLines:
             Of errors of outputs; torques count as exact, as their errors are in those.
         degrees_of_freedom : float
             By how much it scatters: that of a Wishart matrix whose inverse is as large in the mean.
+        draws : float
+            Complex draws that all lines share in it.
         """
         m, n = here.shape[1:]
         law = NoiseLaw(np.zeros(n), np.ones(m), self.derivatives)
@@ -89,12 +91,15 @@ class SilentLines:
         W = np.einsum("kdi,kdj->ij", white, np.conj(white))
         W = (W / W.trace().real * m * draws + prior * np.eye(m)) / (draws + prior)
         size = np.einsum("kdi,ij,kdj->d", np.conj(white), np.linalg.inv(W), white).real
-        scale = size[self.nearest].mean(axis=1) / (len(white) * m)
+        told = law.count + (self.inputs.shape[2] - n) / 2
+        # The law fits these lines better than others by the share of what it has from them.
+        scale = size[self.nearest].mean(axis=1) / (len(white) * m) / (1 - told / (draws * m))
         root = law.root(omega, at) * np.sqrt(scale)[:, None, None]
         covariance = np.zeros((len(omega), m + n, m + n), dtype=complex)
         covariance[:, :m, :m] = root @ W @ np.conj(np.swapaxes(root, 1, 2))
         alike = draws * (1 - 1 / m**2) / (draws + prior) ** 2
-        return covariance, float(1 / (1 / (self.degrees_of_freedom * m**2) + alike))
+        freedom = 1 / (1 / (self.degrees_of_freedom * m**2) + alike)
+        return covariance, float(freedom), float(draws * m - told)
 
     def _torques(self, whiten: ComplexArray, here: ComplexArray) -> ComplexArray:
         """Return torques less friction of the levels that leave least errors, (K, D, n)."""

@@ -48,6 +48,8 @@ class LinearisedFit:
         Factor by which squared deviations are enlarged before weights that fall with the power q of
         the line's own variance multiply them: nu/(nu - 2 q), as E[g^(1 - 2 q)] is (nu - 2 q)/nu
         times E[g^(-2 q)] for a variance g with nu complex degrees of freedom.
+    sharing : float
+        By how much more sums over a position scatter, as lines share estimates of their noise.
     real : bool
         Whether the residuals are real, as those of magnitudes.
     logarithmic : bool
@@ -65,6 +67,7 @@ class LinearisedFit:
     line_correlation: Array
     prior: Array
     scatter_factor: Array | float = 1.0
+    sharing: float = 1.0
     real: bool = False
     logarithmic: bool = False
 

@@ -55,7 +55,7 @@ def residual_size(fit: LinearisedFit, correlation: LineCorrelation) -> ResidualS
     Declared noise makes the ratio chi square. With estimated noise few lines may carry most of the
     totals, whose F law is then wrong: there it is Fisher's combination -2 sum log p of the single
     residuals' probabilities that is chi square, for any nu and whatever the weights. Where elements
-    or neighbouring lines are correlated, so many fewer of them count.
+    or neighbouring lines are correlated, or lines share their noise, so many fewer of them count.
     """
     from scipy.special import gammainc, gammaincc
 
@@ -63,7 +63,7 @@ def residual_size(fit: LinearisedFit, correlation: LineCorrelation) -> ResidualS
     w, nu = fit.noise_weights, fit.degrees_of_freedom[:, None, None]
     a = w * fit.element_variances
     square = a**2 / (1 + 1 / nu)
-    dependence = element_correlation(fit) * correlation.inflation
+    dependence = element_correlation(fit) * correlation.inflation * fit.sharing
     taken, spread = _taken_by_fit(fit)
     expected = fit.parts / 2 * float(a.sum()) - taken
     ratio = fit.squares / expected if expected > 0 else np.nan
