@@ -87,17 +87,14 @@ class SilentLines:
             power = (np.abs(errors) ** 2).mean(axis=0)
             law = NoiseLaw.likeliest(power, self.omega, here, self.derivatives)
         white = np.linalg.solve(law.root(self.omega, here), errors[..., None])[..., 0]
-        draws, prior = white.shape[0] * white.shape[1], _SHRINK * m
-        W = np.einsum("kdi,kdj->ij", white, np.conj(white))
-        W = (W / W.trace().real * m * draws + prior * np.eye(m)) / (draws + prior)
-        size = np.einsum("kdi,ij,kdj->d", np.conj(white), np.linalg.inv(W), white).real
+        W, size, alike = _correlation(white)
+        draws = white[..., 0].size
         told = law.count + (self.inputs.shape[2] - n) / 2
         # The law fits these lines better than others by the share of what it has from them.
         scale = size[self.nearest].mean(axis=1) / (len(white) * m) / (1 - told / (draws * m))
         root = law.root(omega, at) * np.sqrt(scale)[:, None, None]
         covariance = np.zeros((len(omega), m + n, m + n), dtype=complex)
         covariance[:, :m, :m] = root @ W @ np.conj(np.swapaxes(root, 1, 2))
-        alike = draws * (1 - 1 / m**2) / (draws + prior) ** 2
         freedom = 1 / (1 / (self.degrees_of_freedom * m**2) + alike)
         return covariance, float(freedom), float(draws * m - told)
 
@@ -125,3 +122,17 @@ class SilentLines:
         """Return the mean products of draws (K, F, k, c), (F, c, c)."""
         total = np.einsum("bfsi,bfsk->fik", draws, np.conj(draws))
         return np.asarray(total / self.degrees_of_freedom)
+
+
+def _correlation(white: ComplexArray) -> tuple[ComplexArray, Array, float]:
+    """Return the correlation W (m, m) of draws (K, D, m), their sizes (D,), and how W scatters.
+
+    W is shrunk towards none; sizes are sums of x^H W^-1 x; W scatters as one over its degrees of
+    freedom does.
+    """
+    m, draws = white.shape[2], white[..., 0].size
+    prior = _SHRINK * m
+    W = np.einsum("kdi,kdj->ij", white, np.conj(white))
+    W = (W / W.trace().real * m * draws + prior * np.eye(m)) / (draws + prior)
+    size = np.einsum("kdi,ij,kdj->d", np.conj(white), np.linalg.inv(W), white).real
+    return W, size, draws * (1 - 1 / m**2) / (draws + prior) ** 2
