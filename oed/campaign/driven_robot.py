@@ -83,11 +83,17 @@ def rms_speeds(angles: ComplexArray, omega: Array) -> Array:
 def net_torques(
     loop: LoopTransfer, omega: Array, robot: ElasticRobot, rubbing: ElasticRobot
 ) -> ComplexArray:
-    """Return torques less friction per reference, (F, n, n), of the loop of a driven robot."""
-    pairs = zip(rubbing.file.motors, robot.file.motors, strict=True)
-    dampers = np.array([after.viscous - before.viscous for after, before in pairs])
+    """Return torques less friction per reference, (F, n, n), of the loop of a driven robot.
+
+    Dampers that responses of `robot` count, by its `coulomb_speed`, are no friction here.
+    """
+    dampers = _dampers(rubbing) - _dampers(robot)
     friction = 1j * omega[:, None, None] * dampers[:, None] * loop.angle[0]
     return np.asarray(loop.torque[0] - friction)
+
+
+def _dampers(robot: ElasticRobot) -> Array:
+    return np.array([motor.viscous + motor.equivalent for motor in robot.file.motors])
 
 
 def _carrier_speeds(plan: ExperimentPlan, robot: ElasticRobot, controller: Controller) -> Array:

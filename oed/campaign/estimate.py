@@ -186,7 +186,8 @@ def estimate(
             robot, records, starts, "detection", few=_SEARCHED, weak=True, **options
         )
     theorem1, same = _covariance(fit), searches[0].cost * (1 + _SAME_COST)
-    periods = np.array([visit.plan.periods for visit in visits], dtype=float)
+    counts = zip(visits, records, strict=True)
+    periods = [min(visit.plan.periods, one.torque.shape[3]) for visit, one in counts]
     return Estimate(
         values=fit.parameters.values,
         std=np.maximum(fit.trust.std, theorem1.std),
@@ -195,7 +196,7 @@ def estimate(
         cost=fit.cost / fit.expected_cost,
         reached=sum(one.cost <= same for one in searches) / len(searches),
         weighting=fit.weighting,
-        noise=noise_of_period(fit, periods),
+        noise=noise_of_period(fit, np.array(periods, dtype=float)),
         drift=_drift(fit, visits),
         visit_costs=_visit_costs(fit),
         friction=fit.friction_levels(theorem1.covariance),

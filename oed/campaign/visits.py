@@ -34,6 +34,9 @@ _UNFINISHED, _WHOLE = ".unfinished", ".whole"
 _NEAR = 2e-3
 """Largest distance of measured positions from planned ones [rad; m]."""
 
+_CHECKED_PERIODS = 2
+"""Of a low-level run at least, which shows by them how large noise is."""
+
 
 class _VisitFile(FileSection):
     """``visit.yaml``, ``schema: visit/1``."""
@@ -156,6 +159,15 @@ class Visit:
             raise InvalidInput(f"{who}: a period of {period:.6g} s, planned {sine.period:.6g} s")
         if records.reference.any() and not _alike(records, plan):
             raise InvalidInput(f"{who}: other references than planned; perhaps of another visit")
+        if records.missing.any():
+            raise InvalidInput(
+                f"visit {self.number}: a run is missing; give all, or tell that it failed"
+            )
+        if self.purpose == "check" and records.torque.shape[3] < _CHECKED_PERIODS:
+            raise InvalidInput(
+                f"visit {self.number}: one period of the low-level run, whose noise is how periods "
+                f"scatter; record all {plan.periods} that are planned"
+            )
 
 
 def _alike(records: Records, plan: ExperimentPlan) -> bool:

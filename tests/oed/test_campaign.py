@@ -107,6 +107,23 @@ def test_records_of_other_visits_are_refused(campaign: Path, tmp_path: Path) -> 
         opened.tell(9, changed)
 
 
+def test_low_level_runs_show_noise_by_two_periods_at_least(campaign: Path, tmp_path: Path) -> None:
+    """Fewer are refused when told, as are missing runs: planning knew no noise."""
+    run_open(campaign)
+    opened = Campaign.load(campaign)
+    visit = opened.visits[0]
+    records, told = visit.records, tmp_path / "told.h5"
+    visit.records_file.unlink()
+    signals = ("torque", "angle", "saturated")
+    replace(records, **{key: getattr(records, key)[:, :, :, :1] for key in signals}).save(told)
+    with pytest.raises(InvalidInput, match=r"told.h5: visit 1: one period .* record all 2"):
+        opened.tell(1, told)
+    empty = {key: np.full_like(getattr(records, key), np.nan) for key in signals[:2]}
+    replace(records, **empty).save(told)
+    with pytest.raises(InvalidInput, match=r"told.h5: visit 1: a run is missing"):
+        opened.tell(1, told)
+
+
 def test_a_robot_file_that_changes_in_between(campaign: Path) -> None:
     Campaign.load(campaign).ask()
     file = campaign.parent / "guesses.yaml"

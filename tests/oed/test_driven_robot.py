@@ -9,12 +9,12 @@ from axis_campaign import TRUTH, write_campaign
 
 from estimators import run_spectra
 from oed import Campaign, simulate_visits
-from oed.campaign.driven_robot import driven_by, rms_speeds
+from oed.campaign.driven_robot import driven, driven_by, net_torques, rms_speeds
 from oed.campaign.visit_plan import visit_spectrum
 from oed.experiment.draw_plan import experiment_plan
 from oed.experiment.multisine import Multisine
 from oed.experiment.prepare import controller_of
-from robotmodels import load_robot, save_robot
+from robotmodels import load_robot, save_robot, with_speeds
 from robotmodels.simulation.controller import default_controller
 from robotmodels.simulation.loop_noise import closed_loop
 
@@ -64,3 +64,17 @@ def test_dampers_belong_to_the_speeds_they_leave() -> None:
     levels = np.array([motor.coulomb for motor in robot.file.motors])
     assert dampers * speeds == pytest.approx(levels * np.sqrt(2 / np.pi), rel=1e-2)
     assert driven_by(plan, after, controller) is after
+
+
+def test_friction_that_responses_count_is_no_friction_of_plans() -> None:
+    """A robot file's `coulomb_speed` has dampers in the FRF already; elsewhere torques lose it."""
+    robot = load_robot("manutec_r3")
+    n, speeds = len(robot.motor_names), np.full(len(robot.motor_names), 20.0)
+    omega, after = np.array([30.0, 200.0]), driven(robot, speeds)
+    loop = closed_loop(after.network(np.zeros((1, n))), omega, default_controller(robot, 0.002))
+    counted = with_speeds(robot, speeds)
+    assert net_torques(loop, omega, counted, after) == pytest.approx(loop.torque[0], rel=1e-12)
+    lost = loop.torque[0] - net_torques(loop, omega, robot, after)
+    levels = np.array([motor.coulomb for motor in robot.file.motors])
+    friction = 1j * omega[:, None, None] * loop.angle[0] * (levels / 20)[:, None]
+    assert lost == pytest.approx(np.sqrt(2 / np.pi) * friction, rel=1e-6)
