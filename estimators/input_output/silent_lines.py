@@ -89,7 +89,7 @@ class SilentLines:
         white = np.linalg.solve(law.root(self.omega, here), errors[..., None])[..., 0]
         W, size, alike = _correlation(white)
         draws = white[..., 0].size
-        told = law.count + (self.inputs.shape[2] - n) / 2
+        told = min(law.count + (self.inputs.shape[2] - n) / 2, draws * m / 2)
         # The law fits these lines better than others by the share of what it has from them.
         scale = size[self.nearest].mean(axis=1) / (len(white) * m) / (1 - told / (draws * m))
         root = law.root(omega, at) * np.sqrt(scale)[:, None, None]
@@ -132,7 +132,7 @@ def _correlation(white: ComplexArray) -> tuple[ComplexArray, Array, float]:
     """
     m, draws = white.shape[2], white[..., 0].size
     prior = _SHRINK * m
-    W = np.einsum("kdi,kdj->ij", white, np.conj(white))
-    W = (W / W.trace().real * m * draws + prior * np.eye(m)) / (draws + prior)
+    products = np.einsum("kdi,kdj->ij", white, np.conj(white))
+    W = (products / products.trace().real * m * draws + prior * np.eye(m)) / (draws + prior)
     size = np.einsum("kdi,ij,kdj->d", np.conj(white), np.linalg.inv(W), white).real
-    return W, size, draws * (1 - 1 / m**2) / (draws + prior) ** 2
+    return np.asarray(W), size, draws * (1 - 1 / m**2) / (draws + prior) ** 2
