@@ -86,7 +86,7 @@ class SilentLines:
             errors = self.outputs - np.einsum("dmn,kdn->kdm", here, torques)
             power = (np.abs(errors) ** 2).mean(axis=0)
             law = NoiseLaw.likeliest(power, self.omega, here, self.derivatives)
-        white = np.linalg.solve(law.root(self.omega, here), errors[..., None])[..., 0]
+        white = np.asarray(np.linalg.solve(law.root(self.omega, here), errors[..., None])[..., 0])
         W, size, alike = _correlation(white)
         draws = white[..., 0].size
         told = min(law.count + (self.inputs.shape[2] - n) / 2, draws * m / 2)

@@ -104,10 +104,11 @@ class Estimate:
         """Tell whether errors of the model that tests show leave every accuracy (p,) reached.
 
         Each shifts parameters by what leaving it out does in one step; standard deviations are
-        inflated by all that tests do not explain. An error that no test shows may be of any size.
+        inflated by all that tests do not explain. Shift and deviation together have a root mean
+        square within the accuracy. An error that no test shows may be of any size.
         """
         shown = self.trust.tests.significant().size > 0
-        return shown and bool((self.trust.model_error + self.std <= targets).all())
+        return shown and bool((np.hypot(self.trust.model_error, self.std) <= targets).all())
 
     def doubts(self, targets: Array) -> tuple[str, ...]:
         """Return what speaks against the numbers if such accuracies are asked for, in sentences."""
