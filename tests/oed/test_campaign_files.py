@@ -247,14 +247,14 @@ def test_reached_is_in_doubt_where_the_model_or_the_robot_is(fitted: Path) -> No
 
 
 def test_small_errors_of_the_model_leave_accuracies_reached(fitted: Path) -> None:
-    """Told in a line; not so if they may move a parameter by as much as its target allows."""
+    """Told in a line; not so if they may move a parameter by as much as its target allows beside noise."""
     status = Campaign.load(fitted).status()
     assert status.estimate is not None
     estimate = replace(status.estimate, reached=1.0)
     tests = estimate.trust.tests
     i = int(np.abs(tests.shifts).max(axis=1).argmax())
     unit = np.where(np.arange(len(tests.names)) == i, 1.0, 0.0)
-    room = (status.targets - estimate.std) / np.abs(tests.shifts[i])
+    room = np.sqrt(status.targets**2 - estimate.std**2) / np.abs(tests.shifts[i])
 
     def with_error(size: float) -> CampaignStatus:
         fired = replace(tests, probabilities=1 - unit, estimates=size * room.min() * unit)
