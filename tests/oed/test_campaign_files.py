@@ -247,7 +247,7 @@ def test_reached_is_in_doubt_where_the_model_or_the_robot_is(fitted: Path) -> No
 
 
 def test_small_errors_of_the_model_leave_accuracies_reached(fitted: Path) -> None:
-    """Told in a line; not so if they may move a parameter by as much as its target allows beside noise."""
+    """Told in a line; not so if they may move a parameter by what targets allow beside noise."""
     status = Campaign.load(fitted).status()
     assert status.estimate is not None
     estimate = replace(status.estimate, reached=1.0)
