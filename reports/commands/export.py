@@ -67,9 +67,7 @@ def export(
 
     Example: oed export studies/ur10.yaml --to mjcf -o ur10.xml
     """
-    if to not in FORMATS:
-        there = f"there are {', '.join(FORMATS)}"
-        raise InvalidInput(f"--to: {to!r} is unknown{nearest(to, FORMATS)}; {there}")
+    _check_options(to, draws, table_only)
     one_thread_each()
     from oed.study.pipeline import fit_study
 
@@ -94,6 +92,15 @@ def export(
     )
     if results is not None:
         end_with_failures(Path(source), results)
+
+
+def _check_options(to: str, draws: int, table_only: bool) -> None:
+    """Refuse options before a study is computed."""
+    if to not in FORMATS:
+        there = f"there are {', '.join(FORMATS)}"
+        raise InvalidInput(f"--to: {to!r} is unknown{nearest(to, FORMATS)}; {there}")
+    if table_only and not draws:
+        raise InvalidInput("--table-only: there is no table without draws, such as --draws 20")
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,7 +190,9 @@ def _drawn(
 
 
 def _range(files: list[Path]) -> str:
-    return str(files[0]) + (f" and {files[1]} to {files[-1].name}" if len(files) > 1 else "")
+    """Return the robot's file, first and last file of draws, and their table."""
+    draws = [f"{files[1]} to {files[-2].name}"] if len(files) > 2 else []
+    return ", ".join([str(files[0]), *draws, *map(str, files[1:][-1:])])
 
 
 def is_study(source: str) -> bool:

@@ -1,16 +1,19 @@
 """``oed margins``: what the identified model means for the controller."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from reports.commands.export import stated_schema
 from reports.commands.identified import Map, Position, Source, read_source
 from reports.commands.options import WORKERS, AsJson, Workers, say
+from robotmodels.common.errors import InvalidInput
 
 if TYPE_CHECKING:
+    from oed.experiment.experiment_file import Experiment
     from robotmodels import ElasticRobot
+    from robotmodels.simulation.linear_feedback import LinearFeedback
 
 
 def register(app: typer.Typer) -> None:
@@ -47,6 +50,7 @@ def margins(
 
     Example: oed margins studies/ur10.yaml --controller controller.json --map 20
     """
+    described = None if controller is None else _read_controller(controller)
     fitted, robot, positions, folder = read_source(source, position, spread, workers)
     from functools import partial
 
@@ -58,7 +62,8 @@ def margins(
     from robotmodels.common.atomic_files import staged_folder
     from robotmodels.common.plain_data import json_text
 
-    loop, motors = _feedback(controller, robot, sample_time), robot.motor_names
+    loop, motors = _feedback(described, robot, sample_time), robot.motor_names
+    _check_motors(loop, len(motors), controller)
     with progress_bars() as bars:
         band = predict_margins(
             fitted,
@@ -85,14 +90,32 @@ def margins(
     )
 
 
-def _feedback(controller: Path | None, robot: "ElasticRobot", sample_time: float) -> Any:
-    """Return the controller of a file or of an experiment's loop, or the default one."""
+def _read_controller(path: Path) -> "LinearFeedback | Experiment":
+    """Read a controller, or an experiment for its gains, before a study is computed."""
     from oed.experiment.experiment_file import load_experiment
+    from robotmodels import linear_feedback
+
+    if path.is_file() and stated_schema(path).startswith("experiment/"):
+        return load_experiment(path)
+    return linear_feedback(path)
+
+
+def _check_motors(loop: "LinearFeedback", motors: int, path: Path | None) -> None:
+    """Refuse a controller of another robot."""
+    if len(loop.D) != motors:
+        raise InvalidInput(f"{path}: {len(loop.D)} motors, the robot has {motors}")
+
+
+def _feedback(
+    controller: "LinearFeedback | Experiment | None", robot: "ElasticRobot", sample_time: float
+) -> "LinearFeedback":
+    """Return the controller of a file, with an experiment's gains, or the default one."""
+    from oed.experiment.experiment_file import Experiment
     from oed.experiment.prepare import controller_of
     from robotmodels import default_controller, linear_feedback
 
     if controller is None:
         return linear_feedback(default_controller(robot, sample_time))
-    if controller.is_file() and stated_schema(controller).startswith("experiment/"):
-        return linear_feedback(controller_of(load_experiment(controller), robot))
-    return linear_feedback(controller)
+    if isinstance(controller, Experiment):
+        return linear_feedback(controller_of(controller, robot))
+    return controller

@@ -1,5 +1,6 @@
 """``oed predict``: how stiff the tool is, and how far to trust that."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -66,13 +67,14 @@ def predict(
         "motors": _one_of("--motors", motors, ("clamped", "free")),
         "modes": modes,
     }
+    frame = _frame(link or "", at, axes)  # refused before a study is computed
+    omega = None if frequencies is None else read_frequencies(frequencies)
     fitted, robot, positions, folder = read_source(source, position, spread, workers)
     from estimators.validation.predict_tool import predict_tool
     from reports.summaries.prediction_summary import tool_document, tool_summary
     from robotmodels.elastic.tool_response import tool_frame
 
-    frame = _frame(link or tool_frame(robot).link, at, axes)
-    omega = None if frequencies is None else read_frequencies(frequencies)
+    frame = frame if link else replace(frame, link=tool_frame(robot).link)
     drawn = _draws(fitted, draws, seed) if draws else None
     prediction = predict_tool(fitted, positions, frame, omega, spread=drawn, **words)
     files = _written(prediction, robot, (output or folder).resolve())

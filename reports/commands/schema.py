@@ -19,6 +19,7 @@ class Kind(StrEnum):
     DEFLECTION_STUDY = "deflection_study"
     VISIT_STUDY = "visit_study"
     CAMPAIGN = "campaign"
+    CONTROLLER = "controller"
 
 
 def register(app: typer.Typer) -> None:

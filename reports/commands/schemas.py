@@ -17,6 +17,7 @@ KINDS = (
     "deflection_study",
     "visit_study",
     "campaign",
+    "controller",
 )
 
 Words = dict[tuple[str, ...], str]
@@ -45,6 +46,7 @@ def json_schema(kind: str) -> dict[str, Any]:
     from oed.visit_study import study_file as visit_study
     from robotmodels.description import robot_file
     from robotmodels.logs import mapping_file
+    from robotmodels.simulation.linear_feedback import ControllerFile
 
     shaken = key_words(experiment)
     kinds: dict[str, tuple[type[FileSection], Words]] = {
@@ -72,6 +74,7 @@ def json_schema(kind: str) -> dict[str, Any]:
             campaign.CampaignSettings,
             shaken | key_words(candidates_settings) | key_words(campaign),
         ),
+        "controller": (ControllerFile, {}),  # its fields are described where they stand
         "robot": (robot_file.RobotFile, key_words(robot_file)),
         "import": (mapping_file.Mapping, key_words(mapping_file)),
         "chain_study": (

@@ -101,7 +101,7 @@ def score_table(structure: Structure) -> Table:
             score.name,
             _number(score.probability, 2),
             _number(score.estimate),
-            text.listed([text.significant(end, 3) for end in score.interval]),
+            " to ".join(text.significant(end, 3) for end in score.interval),
             score.unit,
             _number(score.fall),
         )

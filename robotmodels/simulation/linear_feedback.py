@@ -209,8 +209,8 @@ Matrix = Annotated[list[Row], Field(max_length=_MOST)]
 class TransferFunction(FileSection):
     """Coefficients of powers of s, or of z of a sampled one, highest first."""
 
-    numerator: Annotated[Row, Field(min_length=1)]
-    denominator: Annotated[Row, Field(min_length=1)]
+    numerator: Row = Field(min_length=1, description="[N m/rad], of no higher order")
+    denominator: Row = Field(min_length=1, description="leading coefficient other than zero")
 
 
 class ControllerFile(FileSection):
@@ -222,12 +222,16 @@ class ControllerFile(FileSection):
     """
 
     schema_: Literal["controller/1"] = Field(alias="schema")
-    sample_time: Seconds | None = None
-    A: Matrix = []
-    B: Matrix = []
-    C: Matrix = []
-    D: Matrix | None = None
-    motors: Annotated[list[TransferFunction], Field(max_length=_MOST)] = []
+    sample_time: Seconds | None = Field(
+        None, description="[s], torques held over a sample; left out: continuous time"
+    )
+    A: Matrix = Field([], description="(h, h), of states; with B, C and D in place of motors")
+    B: Matrix = Field([], description="(h, n), of motor angles [rad]")
+    C: Matrix = Field([], description="(n, h), of torques with opposite sign [N m]")
+    D: Matrix | None = Field(None, description="(n, n), feedthrough [N m/rad]")
+    motors: list[TransferFunction] = Field(
+        [], max_length=_MOST, description="transfer function of each motor, in place of matrices"
+    )
 
 
 def _of_file(path: Path) -> LinearFeedback:

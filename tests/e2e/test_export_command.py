@@ -132,6 +132,7 @@ def test_robots_are_exported_at_positions_in_degrees(tmp_path: Path) -> None:
         (("ur11", "--to", "mjcf"), "robot 'ur11' is neither a built-in robot"),
         (("manutec_r3", "--to", "modes", "--position=1,2"), "--position: 2 given, 6 needed"),
         (("manutec_r3", "--to", "robot", "-o", "x.txt"), "a robot file ends in .yaml"),
+        (("manutec_r3", "--to", "mjcf", "--table-only"), "--table-only: there is no table"),
     ],
 )
 def test_mistakes(words: tuple[str, ...], message: str) -> None:

@@ -87,7 +87,8 @@ def test_studies_have_purposes() -> None:
     for wrong in ({"criterion": "I"}, {"purpose": keys["purpose"]}):
         with pytest.raises(ValidationError, match="criterion I needs one"):
             DesignChoice.model_validate(wrong)
-    wrong_link = {"criterion": "I", "purpose": keys["purpose"] | {"link": "toool"}}
-    choice = DesignChoice.model_validate(wrong_link)
-    with pytest.raises(InvalidInput, match="'toool' is not a link"):
-        criterion_of(choice, ROBOT)
+    mistakes = {"'toool' is not a link": {"link": "toool"}, "'knee'": {"region": {"knee": [0, 1]}}}
+    for message, keys_changed in mistakes.items():
+        wrong = {"criterion": "I", "purpose": keys["purpose"] | keys_changed}
+        with pytest.raises(InvalidInput, match=rf"^design\.purpose: .*{message}"):
+            criterion_of(DesignChoice.model_validate(wrong), ROBOT)

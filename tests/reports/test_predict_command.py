@@ -102,16 +102,35 @@ MISTAKES = {
     ("predict", "--frequencies=2,80,1"): "--frequencies: '2,80,1'",
     ("predict", "--frequencies=80,2"): "--frequencies: 80 to 2 Hz",
     ("margins", "--controller=absent.json"): "absent.json",
+    ("margins", "--controller=one_motor.json"): "one_motor.json: 1 motors, the robot has 2",
 }
 
 
 @pytest.mark.parametrize("words", MISTAKES)
 def test_mistakes_are_one_line(words, robot, monkeypatch, capsys) -> None:
     command, option = words
+    motor = {"numerator": [1.0], "denominator": [1.0]}
+    Path("one_motor.json").write_text(json.dumps({"schema": "controller/1", "motors": [motor]}))
     code, _, err = oed(monkeypatch, capsys, command, robot, option)
     assert code == 2
     assert MISTAKES[words] in err
     assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("predict", "--at=1,2"),
+        ("predict", "--axes=tool"),
+        ("predict", "--frequencies=80,2"),
+        ("margins", "--controller=absent.json"),
+    ],
+)
+def test_mistakes_are_told_before_a_robot_is_read(words, monkeypatch, capsys, tmp_path) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, _, err = oed(monkeypatch, capsys, words[0], "absent_robot", words[1])
+    assert code == 2
+    assert "absent_robot" not in err
 
 
 def test_robots_without_deviations_say_so(monkeypatch, capsys) -> None:

@@ -60,6 +60,14 @@ def test_every_key_of_robot_files_is_described():
     assert "its slope at rest" in known["springs", "stiffness"]  # of the line below the key
 
 
+def test_every_key_of_controller_files_is_described():
+    schema = json_schema("controller")
+    assert set(described(schema, schema)) == {
+        *((name,) for name in ("sample_time", "A", "B", "C", "D", "motors")),
+        *(("motors", name) for name in ("numerator", "denominator")),
+    }
+
+
 def test_words_that_name_an_alternative_name_the_value_too():
     schema = json_schema("study")
     known = described(schema, schema)

@@ -19,7 +19,7 @@ from oed.study.settings.design_settings import (
 )
 from robotmodels import ElasticRobot, Frame, tool_frame
 from robotmodels.common.arrays import Array, IntArray
-from robotmodels.common.errors import InvalidInput, NoEquilibrium, nearest
+from robotmodels.common.errors import InvalidInput, NoEquilibrium, naming, nearest
 
 _DRAWS = 30  # for each sample of theta that is asked for
 _MOST_TRIED = 1000  # candidates in which a sample must hold the robot up
@@ -36,8 +36,9 @@ def criterion_of(choice: DesignChoice, robot: ElasticRobot) -> str | Criterion:
     """
     if choice.purpose is not None:
         purpose = choice.purpose
-        region = sobol_positions(robot, purpose.positions, purpose.region)
-        return purpose_criterion(robot, _quantity(purpose, robot), region)
+        with naming("design.purpose"):
+            region = sobol_positions(robot, purpose.positions, purpose.region)
+            return purpose_criterion(robot, _quantity(purpose, robot), region)
     if choice.criterion == "Ds":
         return DsCriterion(choice.interest)
     return AsCriterion(choice.interest) if choice.criterion == "As" else choice.criterion
