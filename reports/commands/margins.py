@@ -62,8 +62,7 @@ def margins(
     from robotmodels.common.atomic_files import staged_folder
     from robotmodels.common.plain_data import json_text
 
-    loop, motors = _feedback(described, robot, sample_time), robot.motor_names
-    _check_motors(loop, len(motors), controller)
+    loop, motors = _feedback(described, robot, sample_time, controller), robot.motor_names
     with progress_bars() as bars:
         band = predict_margins(
             fitted,
@@ -100,14 +99,11 @@ def _read_controller(path: Path) -> "LinearFeedback | Experiment":
     return linear_feedback(path)
 
 
-def _check_motors(loop: "LinearFeedback", motors: int, path: Path | None) -> None:
-    """Refuse a controller of another robot."""
-    if len(loop.D) != motors:
-        raise InvalidInput(f"{path}: {len(loop.D)} motors, the robot has {motors}")
-
-
 def _feedback(
-    controller: "LinearFeedback | Experiment | None", robot: "ElasticRobot", sample_time: float
+    controller: "LinearFeedback | Experiment | None",
+    robot: "ElasticRobot",
+    sample_time: float,
+    path: Path | None,
 ) -> "LinearFeedback":
     """Return the controller of a file, with an experiment's gains, or the default one."""
     from oed.experiment.experiment_file import Experiment
@@ -118,4 +114,8 @@ def _feedback(
         return linear_feedback(default_controller(robot, sample_time))
     if isinstance(controller, Experiment):
         return linear_feedback(controller_of(controller, robot))
+    if len(controller.D) != len(robot.motor_names):
+        raise InvalidInput(
+            f"{path}: {len(controller.D)} motors, the robot has {len(robot.motor_names)}"
+        )
     return controller
