@@ -11,9 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from oed.campaign.settings import VisitSettings
+from oed.experiment.amplitude_scaling import Scaling
 from oed.experiment.controller_files import write_controller_files
 from oed.experiment.experiment_plan import ExperimentPlan
-from oed.experiment.prepare import controller_of
+from oed.experiment.prepare import controller_of, within_limits
 from robotmodels import ElasticRobot
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.description.friction import at_speeds
@@ -21,6 +22,9 @@ from robotmodels.simulation.controller import Controller
 from robotmodels.simulation.loop_noise import LoopTransfer, closed_loop
 
 _STEPS = 12
+_SETTLED = 2e-4
+"""Relative change of amplitudes; what files lead to may be beyond limits by 1e-3."""
+_OF_MARGIN = 0.1
 _SLOWEST = 1e-2
 """Of the speed without friction, where friction would hold a motor."""
 
@@ -58,6 +62,24 @@ def driven_by(plan: ExperimentPlan, robot: ElasticRobot, controller: Controller)
         least = least if least.any() else _SLOWEST * speeds
         now = driven(robot, np.maximum(speeds, least))
     return now
+
+
+def as_driven(
+    settings: VisitSettings, scaled: Scaling, robot: ElasticRobot, controller: Controller
+) -> Scaling:
+    """Return the plan with the largest amplitudes at the dampers of the speeds that it leads to.
+
+    The larger the speeds, the smaller the dampers, so amplitudes and dampers follow in turns, until
+    what is left is small beside the margin.
+    """
+    settled = max(_SETTLED, _OF_MARGIN * settings.limits.margin)
+    for _ in range(_STEPS):
+        before = scaled.plan.scale[0]
+        rubbing = driven_by(scaled.plan, robot, controller)
+        scaled = within_limits(settings, scaled.plan, rubbing, controller)
+        if abs(scaled.plan.scale[0] / before - 1) <= settled:
+            break
+    return scaled
 
 
 def write_visit_files(

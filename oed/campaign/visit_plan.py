@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import nnls
 
-from oed.campaign.driven_robot import driven, driven_by, net_torques, rms_speeds
+from oed.campaign.driven_robot import as_driven, driven, driven_by, net_torques, rms_speeds
 from oed.campaign.settings import VisitSettings
 from oed.candidates.screening import usable
 from oed.experiment.amplitude_scaling import Scaling, fair_amplitudes
@@ -264,9 +264,7 @@ def visit_plan(
     plan = replace(plan, carrier=_carrier(settings, controller, robot, position, grid))
     scaled = within_limits(settings, plan, rubbing, controller)
     if rubbing is not robot:
-        # The larger the speeds, the smaller the dampers: once more by those of the scaled plan.
-        rubbing = driven_by(scaled.plan, robot, controller)
-        scaled = within_limits(settings, scaled.plan, rubbing, controller)
+        scaled = as_driven(settings, scaled, robot, controller)
     slow = plan.carrier and plan.carrier.scaled(part)
     return replace(scaled, plan=replace(scaled.plan.rescaled(np.asarray(part)), carrier=slow))
 

@@ -9,11 +9,18 @@ from axis_campaign import TRUTH, write_campaign
 
 from estimators import run_spectra
 from oed import Campaign, simulate_visits
-from oed.campaign.driven_robot import driven, driven_by, net_torques, rms_speeds
+from oed.campaign.driven_robot import (
+    driven,
+    driven_by,
+    net_torques,
+    rms_speeds,
+    write_visit_files,
+)
 from oed.campaign.visit_plan import visit_spectrum
 from oed.experiment.draw_plan import experiment_plan
 from oed.experiment.multisine import Multisine
 from oed.experiment.prepare import controller_of
+from oed.information_sets.excitations import Zippered
 from robotmodels import load_robot, save_robot, with_speeds
 from robotmodels.simulation.controller import default_controller
 from robotmodels.simulation.loop_noise import closed_loop
@@ -43,6 +50,22 @@ def test_torques_less_friction_are_the_planned_ones(tmp_path: Path) -> None:
     smooth = robot.file.model_copy(update={"motors": load_robot(TRUTH).file.motors})
     ignored = visit_spectrum(visit.plan, replace(robot, file=smooth), controller)[:, 0, 0].real
     assert np.sqrt(ignored.sum() / power.sum()) > 1.1
+
+
+def test_visits_are_within_limits_at_the_dampers_of_their_speeds(tmp_path: Path) -> None:
+    """Smaller amplitudes have larger dampers: of one turn, files were 3 % beyond the limit."""
+    path = write_campaign(
+        tmp_path,
+        ("friction: 0", "friction: 1"),
+        ("limits: {", "limits: {torque: 2.0, margin: 0.1, "),
+    )
+    campaign, robot = Campaign.load(path), load_robot(TRUTH)
+    motors = [motor.model_copy(update={"coulomb": 1.0}) for motor in robot.file.motors]
+    robot = replace(robot, file=robot.file.model_copy(update={"motors": motors}))
+    with campaign._evaluation() as now:
+        planner = replace(now.planner, robot=robot)
+    plan = planner.plans([(planner.positions[0], Zippered(), 2)])[0]
+    write_visit_files(plan, tmp_path / "files", campaign.settings, robot)  # which are checked
 
 
 def test_dampers_belong_to_the_speeds_they_leave() -> None:
