@@ -225,10 +225,16 @@ def _fixed_numbers(
     theta = np.array([elements.get(n, v) for n, v in zip(wider.names, wider.values, strict=True)])
     _, J = sensitivity(whole, positions, omega, theta, equilibrium_shift=True)
     for i, name in enumerate(wider.names):
-        if name not in robot.parameters.names:
+        if name not in robot.parameters.names and acts(J[..., i], response):
             yield name, "relative", J[..., i]
 
 
+def acts(column: ComplexArray, response: ComplexArray) -> bool:
+    """Whether a change per unit is more than rounding, unlike that of a mass on an axis."""
+    return bool(np.abs(column).max() > _ROUNDING * np.abs(response).max())
+
+
+_ROUNDING = 1e-10  # of FRFs and their differences, per unit
 _CHANNELS = (".torque_gain", ".torque_delay", ".torque_lag", ".gain", ".delay", ".lag")
 
 

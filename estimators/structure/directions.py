@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from estimators.fitting.fit_problem import FitProblem
-from estimators.fitting.fit_trust import model_columns
+from estimators.fitting.fit_trust import acts, model_columns
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.description.robot_file import Hardening, Payload, Spring
 from robotmodels.elastic.rigid_elements import reaction_factors
@@ -47,7 +47,9 @@ def number_columns(
         yield name, unit, False, column
     yield from _gear_columns(robot, positions, omega, values)
     if robot.file.payload is None:
-        yield "payload.mass", "kg", False, _payload_column(robot, positions, omega, values, at[0])
+        column = _payload_column(robot, positions, omega, values, at[0])
+        if acts(column, at[0]):
+            yield "payload.mass", "kg", False, column
 
 
 def _gear_columns(

@@ -72,6 +72,20 @@ def test_without_noise_the_size_is_that_of_a_stiff_spring():
     assert shifted.fall == pytest.approx(shifted.ratio**2 / 2, rel=1e-3)
 
 
+def test_a_payload_on_the_axis_that_turns_it_is_no_test():
+    """A mass there changes FRFs by rounding only."""
+    robot = robotmodels.load_robot("moberg_axis1")
+    spring = next(s for s in possible_springs(robot) if s.name == "arm1 67 % z")
+    spring = spring.model_copy(update={"stiffness": 1e6, "damping": 1e3})
+    truth = with_springs(robot, [spring], free=False)
+    rng = np.random.default_rng(1)
+    for positions in ([[0.2], [0.8]], [[0.2 + 1e-13], [0.8 - 1e-13]]):
+        data = simulate_frf(truth, np.array(positions), OMEGA, NOISE, rng)
+        names = {score.name for score in score_tests(fit(robot, data, "nls", "optimal"))}
+        assert "gain of m1" in names
+        assert not any(name.startswith("payload") for name in names)
+
+
 def test_the_law_of_the_largest_z_over_a_curve():
     # Three unit vectors in a plane, 20 degrees apart: the largest projection of normal numbers.
     angles = np.deg2rad([0.0, 20.0, 40.0])
