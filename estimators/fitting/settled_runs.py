@@ -148,7 +148,8 @@ def settled_fit(
     """
     some = records
     if few is not None and not isinstance(records, Records):
-        some = records[:: -(-len(records) // few)]
+        spread = np.linspace(0, len(records) - 1, min(few, len(records)))
+        some = [records[i] for i in spread.round().astype(int)]
     with warnings.catch_warnings():  # by guesses runs need not settle
         warnings.filterwarnings("ignore", _UNSETTLED, IdentificationWarning)
         data = settled_runs(model, some, noise, prior=prior, **choice)
