@@ -15,12 +15,11 @@ from scipy.special import ndtr
 from estimators.fitting.fitted_model import FittedModel
 from estimators.structure.refits import SHORTLIST, Refits
 from estimators.structure.score_table import TOLD_APART, Score, ScoreTable
-from estimators.structure.score_tests import DAMPING_TIMES
+from estimators.structure.score_tests import DAMPING_TIMES, fitted_robot
 from robotmodels.common.arrays import check_count, check_level
 from robotmodels.common.printing import ReprHtml
 from robotmodels.description.robot_file import Spring
 from robotmodels.elastic.possible_springs import possible_springs
-from robotmodels.elastic.tool_response import underlying_robot
 
 _PASSES = 4
 """Steps for each spring that may be added, at most: exchanges could go round in a circle."""
@@ -138,7 +137,7 @@ def choose_structure(
     """
     check_level(level, "choose_structure")
     check_count(most, "choose_structure: most", 0)
-    robot = underlying_robot(fit.model)
+    robot = fitted_robot(fit)
     springs = possible_springs(robot) if elements is None else tuple(elements)
     choice = _Choice(Refits(robot, springs, tuple(damping_times)), level, fit)
     stopped = ""

@@ -12,7 +12,7 @@ from estimators.fitting.run_problem import RunProblem
 from estimators.fitting.trust_region import SearchResult
 from estimators.structure.refits import SHORTLIST, Refits
 from estimators.structure.score_table import TOLD_APART
-from estimators.structure.score_tests import DAMPING_TIMES
+from estimators.structure.score_tests import DAMPING_TIMES, fitted_robot
 from robotmodels.common.arrays import check_level
 from robotmodels.description.robot_file import Spring
 from robotmodels.elastic.possible_springs import possible_springs, with_springs
@@ -86,7 +86,7 @@ def structure_power(
         If the robot cannot have a spring.
     """
     check_level(level, "structure_power")
-    robot = underlying_robot(fit.model)
+    robot = fitted_robot(fit)
     rivals = possible_springs(robot) if elements is None else tuple(elements)
     names = {spring.name for spring in springs}
     rivals = (*springs, *(rival for rival in rivals if rival.name not in names))

@@ -76,9 +76,7 @@ def score_tests(
     times = np.array(damping_times, dtype=float)
     if not times.size or not (np.isfinite(times) & (times >= 0)).all():
         raise InvalidInput(f"damping_times: {list(damping_times)}; times of 0 s or more are needed")
-    if not np.isfinite(fit.cost):
-        raise SolverFailed(f"no score tests without a fit: {fit.message}")
-    robot = underlying_robot(fit.model)
+    robot = fitted_robot(fit)
     springs = possible_springs(robot) if elements is None else tuple(elements)
     problem, values = fit.problem, fit.parameters.values
     at = problem.derived(values)
@@ -90,6 +88,23 @@ def score_tests(
     if numbers:
         rows += _of_numbers(tests, number_columns(problem, values, at))
     return _table(rows, _of_lines(tests.fit) if numbers else None)
+
+
+def fitted_robot(fit: FittedModel) -> ElasticRobot:
+    """Return the robot of a fit.
+
+    Raises
+    ------
+    InvalidInput
+        If it is no fit, or not of a robot.
+    SolverFailed
+        If the search could not begin.
+    """
+    if not isinstance(fit, FittedModel):
+        raise InvalidInput(f"fit: a {type(fit).__name__}; what estimators.fit returns is needed")
+    if not np.isfinite(fit.cost):
+        raise SolverFailed(f"no score tests without a fit: {fit.message}")
+    return underlying_robot(fit.model)
 
 
 _Row = tuple[Score, bool, Array]

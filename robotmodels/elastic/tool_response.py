@@ -47,11 +47,22 @@ class Frame:
         Point in the link's frame.
     axes : {"base", "link"}
         Whose axes forces and motions are along, the root link's or the link's.
+
+    Raises
+    ------
+    InvalidInput
+        If the point is not three finite numbers, or there are no such axes.
     """
 
     link: str
     at: tuple[float, float, float] = (0.0, 0.0, 0.0)
     axes: Literal["base", "link"] = "base"
+
+    def __post_init__(self) -> None:
+        if np.shape(self.at) != (3,) or not np.isfinite(self.at).all():
+            raise InvalidInput(f"frame: at {self.at}; x, y, z in the link's frame [m] are needed")
+        if self.axes not in ("base", "link"):
+            raise InvalidInput(f"frame: axes {self.axes!r} are unknown; there are base, link")
 
 
 def tool_frame(robot: ElasticRobot) -> Frame:

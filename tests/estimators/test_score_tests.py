@@ -8,7 +8,7 @@ from noisy_runs import NoisySystem
 from scipy.stats import norm
 
 import robotmodels
-from estimators import fit, score_tests, simulate_frf
+from estimators import choose_structure, fit, score_tests, simulate_frf, structure_power
 from estimators.frf.frf_estimate import noisy_frf
 from estimators.structure.score_table import twins
 from estimators.structure.score_tests import effective_number
@@ -135,6 +135,9 @@ def test_what_is_no_robot_or_no_time_is_refused():
         score_tests(single)
     with pytest.raises(SolverFailed, match="no score tests without a fit"):
         score_tests(replace(single, cost=np.inf))
+    for function in (score_tests, choose_structure, lambda fit: structure_power(fit, [SOFT])):
+        with pytest.raises(InvalidInput, match="fit: a ElasticRobot; what"):
+            function(ROBOT)
     with pytest.raises(InvalidInput, match="damping_times"):
         score_tests(single, damping_times=[-1.0])
 
