@@ -142,7 +142,7 @@ def margins_summary(
     lines = [
         f"worst over {text.plural(len(band.positions), 'position')}, in brackets what "
         f"{band.level:.0%} intervals allow; each loop with the others closed; "
-        "–: any gain will do",
+        "–: no limit",
         *table(header, rows, right=range(1, 6)),
         f"  largest singular value of S: {number(band.nominal.largest_sensitivity.max())}",
         f"  instability: {band.unstable[unstable]} of {band.draws} draws in position "
