@@ -178,6 +178,8 @@ class RunProblem(FitProblem):
         if self.row_wise and m > 1:
             covariance = size[:, None, None, None] * run_correlation(errors, runs)
         prior = np.zeros((len(self.names),) * 2)
+        with np.errstate(divide="ignore"):  # of one output by itself
+            single = 1 / (1 / freedom + m / self.data.shared_draws)
         return LinearisedFit(
             names=self.names,
             residuals=errors.whitened.reshape(q, f, -1),
@@ -186,7 +188,7 @@ class RunProblem(FitProblem):
             noise_weights=ones,
             covariance=covariance,
             deviations=None,
-            degrees_of_freedom=freedom,
+            degrees_of_freedom=single,
             line_correlation=np.empty(0),
             sharing=float(1 + (f * m * runs / self.data.shared_draws).mean()),
             prior=prior if self.prior is None else self.prior.information(self.names),
