@@ -83,7 +83,7 @@ class SilentLines:
         for _ in range(2):
             whiten = np.asarray(np.linalg.inv(law.root(self.omega, here)))
             torques = self._torques(whiten, here)
-            errors = self.outputs - np.einsum("dmn,kdn->kdm", here, torques)
+            errors = self._errors(torques, here)
             power = (np.abs(errors) ** 2).mean(axis=0)
             law = NoiseLaw.likeliest(power, self.omega, here, self.derivatives)
         white = np.asarray(np.linalg.solve(law.root(self.omega, here), errors[..., None])[..., 0])
@@ -105,13 +105,17 @@ class SilentLines:
         if not shares.size:
             return torques
         moved = (whiten @ here) * shares[..., None, :]  # (K, D, m, n)
-        errors = self.outputs - np.einsum("dmn,kdn->kdm", here, torques)
+        errors = self._errors(torques, here)
         moved = moved.reshape(-1, n)
         white = -np.einsum("dim,kdm->kdi", whiten, errors).ravel()
         levels = np.linalg.lstsq(
             np.concatenate([moved.real, moved.imag]), np.concatenate([white.real, white.imag])
         )[0]
         return np.asarray(torques - levels * shares)
+
+    def _errors(self, torques: ComplexArray, here: ComplexArray) -> ComplexArray:
+        """Return what torques (K, D, n) leave of the outputs, (K, D, m)."""
+        return np.asarray(self.outputs - np.einsum("dmn,kdn->kdm", here, torques))
 
     def _growth(self, omega: Array) -> Array:
         """Return by how much more the noise of sensors is at excited lines, (F, k, m)."""

@@ -30,6 +30,11 @@ Position = Annotated[
         "for several. Default: those of a study's plan; mid-range of a robot."
     ),
 ]
+Output = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", help="Folder; by default that of the study, or this one."),
+]
+Seed = Annotated[int, typer.Option(min=0, help="Of the draws.")]
 Map = Annotated[
     int,
     typer.Option("--map", min=0, max=100_000, help="So many positions all over the joint ranges."),

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from reports.commands.export import stated_schema
-from reports.commands.identified import Map, Position, Source, read_source
+from reports.commands.identified import Map, Output, Position, Seed, Source, read_source
 from reports.commands.options import WORKERS, AsJson, Workers, say
 from robotmodels.common.errors import InvalidInput
 
@@ -38,11 +38,8 @@ def margins(
     draws: Annotated[
         int, typer.Option(min=2, max=100_000, help="Draws of what the fit leaves open.")
     ] = 100,
-    seed: Annotated[int, typer.Option(min=0, help="Of the draws.")] = 0,
-    output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", help="Folder; by default that of the study, or this one."),
-    ] = None,
+    seed: Seed = 0,
+    output: Output = None,
     workers: Workers = WORKERS,
     as_json: AsJson = False,
 ) -> None:

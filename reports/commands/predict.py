@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from reports.commands.identified import Map, Position, Source, read_source
+from reports.commands.identified import Map, Output, Position, Seed, Source, read_source
 from reports.commands.options import WORKERS, AsJson, Workers, say
 from robotmodels.common.errors import InvalidInput, nearest
 
@@ -50,11 +50,8 @@ def predict(
             "deviations exceed some 20 %; 0 for derivatives.",
         ),
     ] = 0,
-    seed: Annotated[int, typer.Option(min=0, help="Of the draws.")] = 0,
-    output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", help="Folder; by default that of the study, or this one."),
-    ] = None,
+    seed: Seed = 0,
+    output: Output = None,
     workers: Workers = WORKERS,
     as_json: AsJson = False,
 ) -> None:

@@ -41,10 +41,7 @@ def joint_origins(robot: ElasticRobot, position: Array) -> Array:
     InvalidInput
         If the position has a wrong shape or is outside the joint limits.
     """
-    rigid = robot.rigid
-    (q,) = configurations(robot, robot.checked_positions(real_numbers(position, "position")[None]))
-    data = rigid.createData()
-    pin.framesForwardKinematics(rigid, data, q)
+    rigid, data = robot.rigid, _posed(robot, position)
     chain = max(map(list, rigid.supports), key=len)  # from the ground, joint 0
     tool = max(i for i, f in enumerate(rigid.frames) if f.parentJoint == chain[-1])
     origins = [data.oMi[joint].translation for joint in chain]
@@ -59,10 +56,7 @@ def spring_origins(robot: ElasticRobot, springs: Sequence[Spring], position: Arr
     InvalidInput
         If the position has a wrong shape or is outside the joint limits.
     """
-    rigid = robot.rigid
-    (q,) = configurations(robot, robot.checked_positions(real_numbers(position, "position")[None]))
-    data = rigid.createData()
-    pin.framesForwardKinematics(rigid, data, q)
+    rigid, data = robot.rigid, _posed(robot, position)
     return np.array(
         [
             data.oMi[rigid.getJointId(spring.joint)].translation
@@ -71,6 +65,14 @@ def spring_origins(robot: ElasticRobot, springs: Sequence[Spring], position: Arr
             for spring in springs
         ]
     ).reshape(-1, 3)
+
+
+def _posed(robot: ElasticRobot, position: Array) -> pin.Data:
+    """Return where joints and frames are at `position` (n,), springs unloaded."""
+    (q,) = configurations(robot, robot.checked_positions(real_numbers(position, "position")[None]))
+    data = robot.rigid.createData()
+    pin.framesForwardKinematics(robot.rigid, data, q)
+    return data
 
 
 def unloaded(robot: ElasticRobot, positions: Array) -> Array:

@@ -124,7 +124,8 @@ def _for_all(
     constraints: Constraints | None,
 ) -> StudyDesign:
     """Return the plan that holds for samples of theta."""
-    kind = "maximin" if choice.robust is None else choice.robust.kind
+    assert choice.robust is not None
+    kind = choice.robust.kind
     robust = robust_design(
         samples,
         criterion,
