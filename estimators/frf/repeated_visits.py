@@ -20,7 +20,7 @@ _LEVELS = ("output", "odd", "even", "odd_noise", "even_noise", "odd_raw", "even_
 
 def visits_of(positions: Array) -> list[IntArray]:
     """Return for each distinct position the indices of its visits, in order of the first."""
-    group = equal_rows(positions, _SAME)
+    group = equal_rows(positions.T, _SAME)
     _, first = np.unique(group, return_index=True)
     return [np.flatnonzero(group == group[i]) for i in np.sort(first)]
 

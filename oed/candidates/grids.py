@@ -120,12 +120,16 @@ def turns_apart(differences: Array, turning: BoolArray) -> Array:
 def repeated_positions(positions: Array, turning: BoolArray) -> BoolArray:
     """Return which positions (Q, n) repeat an earlier one or lie whole turns from it, (Q,)."""
     # On the circle: an angle next to pi has one cosine and sine on both of its sides.
-    angles, lengths = positions[:, turning], positions[:, ~turning]
-    points = np.hstack([np.cos(angles), np.sin(angles), lengths])
-    _, first = np.unique(equal_rows(points, _REPEATED), return_index=True)
-    repeated = np.ones(len(positions), dtype=bool)
-    repeated[first] = False
-    return repeated
+    columns = (
+        coordinate(column)
+        for column, turns in zip(positions.T, turning, strict=True)
+        for coordinate in ((np.cos, np.sin) if turns else (np.positive,))
+    )
+    group = equal_rows(columns, _REPEATED)
+    number = np.arange(len(positions))
+    first = np.empty_like(number)
+    first[group[::-1]] = number[::-1]  # of several numbers the last one stays
+    return np.asarray(number > first[group])
 
 
 def candidate_at(

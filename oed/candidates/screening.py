@@ -1,6 +1,7 @@
 """Which candidate positions a robot can take: what is removed, and why."""
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -81,6 +82,7 @@ def screened_candidates(
     *,
     torque_limits: float | Sequence[float] | Array | None = None,
     progress: Progress | None = None,
+    executor: Executor | None = None,
 ) -> ScreenedCandidates:
     """Return the `positions` that the robot can take, and why the others are removed.
 
@@ -100,6 +102,8 @@ def screened_candidates(
         against gravity must not be more.
     progress : Progress, optional
         Called with the number of positions compared with the surroundings and their total.
+    executor : Executor, optional
+        Compares tens of thousands of positions in parallel; None compares here.
 
     Raises
     ------
@@ -107,7 +111,7 @@ def screened_candidates(
         If there is no position, none remains (counted by reason), or shapes or signs do not fit.
     """
     positions = _checked(positions, list(robot.motor_names))
-    screen = _screened(robot, positions, surroundings, torque_limits, progress)
+    screen = _screened(robot, positions, surroundings, torque_limits, progress, executor)
     notes: tuple[str, ...] = ("collisions are not checked",)
     if surroundings is not None:
         notes = (*surroundings.shapes.notes, "the ways between positions are not checked")
@@ -185,6 +189,7 @@ def _screened(
     surroundings: Surroundings | None,
     torque_limits: float | Sequence[float] | Array | None,
     progress: Progress | None = None,
+    executor: Executor | None = None,
 ) -> _Screen:
     """Return the positions that remain after all checks."""
     screen = _Screen(np.arange(len(positions)))
@@ -201,7 +206,7 @@ def _screened(
             "holding torque", [f"motor {m!r}" for m in robot.motor_names], torques > limits
         )
     if surroundings is not None:
-        touching = surroundings.touching(positions[screen.remaining], progress)
+        touching = surroundings.touching(positions[screen.remaining], progress, executor)
         screen.remove_pairs(surroundings, touching)
     return screen
 

@@ -3,6 +3,7 @@
 import csv
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tokenize import TokenError
@@ -219,6 +220,7 @@ def gathered_candidates(
     workcell: Workcell | None = None,
     rng: np.random.Generator | None = None,
     progress: Progress | None = None,
+    executor: Executor | None = None,
 ) -> ScreenedCandidates:
     """Return the candidates of all sources that the robot can take in its cell.
 
@@ -247,6 +249,8 @@ def gathered_candidates(
         plain Sobol points, and a fixed seed for the starts.
     progress : Progress, optional
         Called in the comparison with the surroundings: positions done and their total.
+    executor : Executor, optional
+        As in `screened_candidates`.
 
     Raises
     ------
@@ -277,6 +281,7 @@ def gathered_candidates(
         cell.surroundings(robot),
         torque_limits=cell.torque_limits,
         progress=progress,
+        executor=executor,
     )
     return replace(screened, notes=(*notes, *screened.notes))
 

@@ -4,7 +4,8 @@ Shapes are checked at the rigid pose: elastic deflections, far smaller than any 
 are neglected.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,7 +13,9 @@ import coal
 import numpy as np
 import pinocchio as pin
 
+from robotmodels.collision.comparison import Comparison
 from robotmodels.collision.obstacles import Box, Obstacle, Plane, floor as floor_at
+from robotmodels.collision.pair_checker import PairChecker
 from robotmodels.collision.shapes import RobotShapes, Shape, robot_shapes
 from robotmodels.common.arrays import Array, BoolArray, check_above_zero
 from robotmodels.common.errors import InvalidInput, nearest
@@ -21,6 +24,7 @@ from robotmodels.elastic.rigid_pose import configurations
 from robotmodels.elastic.robot import ElasticRobot
 
 _SAMPLES = 32  # positions, and one more, in all of which what is built to touch does so
+_MANY = 1_000  # positions in which pairs are compared once per combination of angles
 
 
 @dataclass(frozen=True)
@@ -99,11 +103,22 @@ class Surroundings:
         """Links that are not compared because they are built to touch."""
         return tuple(dict.fromkeys(self._names(pair) for pair in self._pair_lists[1]))
 
-    def touching(self, positions: Array, progress: Progress | None = None) -> BoolArray:
+    def touching(
+        self,
+        positions: Array,
+        progress: Progress | None = None,
+        executor: Executor | None = None,
+    ) -> BoolArray:
         """Return which of `pairs` touch, (Q, pairs), at `positions` (Q, n) within their limits."""
-        q = configurations(self.robot, positions)
-        hits = self._checker(q, progress)
-        touching = np.zeros((len(q), len(self._groups)), dtype=bool)
+        if len(positions) < _MANY:
+            hits = self._checker(configurations(self.robot, positions))
+            if progress is not None:
+                progress(len(positions), len(positions))
+        else:
+            pairs = self._checker.pairs
+            many = Comparison(self.robot, self._things, pairs, self.margin)
+            hits = many.touching(positions, executor, progress)
+        touching = np.zeros((len(positions), len(self._groups)), dtype=bool)
         for k, group in enumerate(self._groups.values()):
             touching[:, k] = hits[:, group].any(axis=1)
         return touching
@@ -122,12 +137,12 @@ class Surroundings:
         return groups
 
     @cached_property
-    def _checker(self) -> "_Checker":
+    def _checker(self) -> PairChecker:
         shapes = self.shapes.shapes
         pairs = list(self._pair_lists[0])
         for j in range(len(shapes), len(self._things)):
             pairs += [(i, j) for i, shape in enumerate(shapes) if shape.joint]
-        return _Checker(self.robot.rigid, self._things, pairs, self.margin)
+        return PairChecker(self.robot.rigid, self._things, pairs, self.margin)
 
     @cached_property
     def _pair_lists(self) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
@@ -145,83 +160,12 @@ class Surroundings:
         ]
         low, high = self.robot.position_limits.T
         spread = np.vstack([0.5 * (low + high), low + _even(_SAMPLES, len(low)) * (high - low)])
-        check = _Checker(self.robot.rigid, shapes, pairs, self.margin)
+        check = PairChecker(self.robot.rigid, shapes, pairs, self.margin)
         built = {pairs[k] for k in check.always(configurations(self.robot, spread))}
         return [p for p in pairs if p not in built], [p for p in pairs if p in built]
 
     def _names(self, pair: tuple[int, int]) -> tuple[str, str]:
         return self._things[pair[0]].link, self._things[pair[1]].link
-
-
-_TOUCHING = -1e-6
-"""Margin for none [m]: at exactly 0 Coal's answers depend on what it compared before."""
-
-
-class _Checker:
-    """Compares pairs of shapes."""
-
-    def __init__(
-        self,
-        rigid: pin.Model,
-        shapes: Sequence[Shape],
-        pairs: Sequence[tuple[int, int]],
-        margin: float,
-    ) -> None:
-        self.rigid, self.shapes, self.pairs = rigid, shapes, tuple(pairs)
-        self.geometry = pin.GeometryModel()
-        for i, shape in enumerate(shapes):
-            name = f"{shape.link} {i}"
-            item = pin.GeometryObject(name, shape.joint, 0, shape.placement, shape.hull)
-            self.geometry.addGeometryObject(item)
-        for i, j in self.pairs:
-            self.geometry.addCollisionPair(pin.CollisionPair(i, j))
-        self.placed = pin.GeometryData(self.geometry)
-        self.request = coal.CollisionRequest()
-        for request in (*self.placed.collisionRequests, self.request):
-            request.security_margin = margin or _TOUCHING
-
-    def __call__(self, configured: Array, progress: Progress | None = None) -> BoolArray:
-        """Return which pairs touch, (Q, pairs)."""
-        touching = np.zeros((len(configured), len(self.pairs)), dtype=bool)
-        data = self.rigid.createData()
-        for k, q in enumerate(configured):
-            if self.pairs and pin.computeCollisions(
-                self.rigid, data, self.geometry, self.placed, q, False
-            ):
-                touching[k, list(self._confirmed())] = True
-            if progress is not None and ((k + 1) % 1000 == 0 or k + 1 == len(configured)):
-                progress(k + 1, len(configured))
-        return touching
-
-    def always(self, configured: Array) -> list[int]:
-        """Return the pairs that touch in every one of the configurations."""
-        pairs, data = list(range(len(self.pairs))), self.rigid.createData()
-        for q in configured:
-            if not pairs:
-                break
-            pin.computeCollisions(self.rigid, data, self.geometry, self.placed, q, False)
-            pairs = list(self._confirmed(pairs))  # meshes of others need not be compared
-        return pairs
-
-    def _confirmed(self, pairs: Sequence[int] | None = None) -> Iterator[int]:
-        """Yield those of `pairs` whose hulls touch and, if both have one, their meshes."""
-        results = self.placed.collisionResults
-        for k in range(len(results)) if pairs is None else pairs:
-            if results[k].isCollision() and (self._meshes_touch(k) is not False):
-                yield k
-
-    def _meshes_touch(self, pair: int) -> bool | None:
-        """Return whether the surfaces of both meshes touch; None where there are not two."""
-        i, j = self.pairs[pair]
-        first, second = self.shapes[i].mesh, self.shapes[j].mesh
-        if first is None or second is None:
-            return None
-        at = [coal.Transform3s(p.rotation, p.translation) for p in self._placements(i, j)]
-        result = coal.CollisionResult()
-        return bool(coal.collide(first, at[0], second, at[1], self.request, result))
-
-    def _placements(self, i: int, j: int) -> tuple[pin.SE3, pin.SE3]:
-        return self.placed.oMg[i], self.placed.oMg[j]
 
 
 def _even(count: int, n: int) -> Array:

@@ -1,7 +1,7 @@
 """Types of arrays, and checks of numbers that people give."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from math import isfinite, prod
 from numbers import Real
 from typing import TypeGuard, TypeVar
@@ -218,16 +218,41 @@ def check_level(level: float, where: str) -> None:
         raise InvalidInput(f"{where}: level {level} does not lie between 0 and 1")
 
 
-def equal_rows(rows: Array, tolerance: float) -> IntArray:
-    """Return a group number for each row of (Q, n): rows within the tolerance share one.
+def equal_rows(columns: Iterable[Array], tolerance: float) -> IntArray:
+    """Return a group number for each row of columns (Q,): rows within the tolerance share one.
 
     In each column values are one where the next larger is not farther than the tolerance: unlike
     rounding, this tears no equals apart at the edge of a multiple.
     """
-    group = np.zeros(len(rows), dtype=np.int64)
-    for column in rows.T:
+    group = np.zeros(1, dtype=np.int64)
+    for column in columns:
         order = np.argsort(column)
-        value = np.empty_like(group)
+        value = np.empty(len(column), dtype=np.int64)
         value[order] = np.cumsum(np.diff(column[order], prepend=column[order[:1]]) > tolerance)
-        _, group = np.unique(group * len(rows) + value, return_inverse=True)
+        group = _renumbered(group * (value.max(initial=0) + 1) + value)
     return group
+
+
+def distinct_rows(columns: Sequence[IntArray], count: int) -> tuple[IntArray, IntArray] | None:
+    """Return an index of each distinct row of columns (count,), and which of them each row is.
+
+    None where more than half as many rows are distinct. Values are whole numbers from 0.
+    """
+    group = np.zeros(count, dtype=np.int64)
+    for column in columns:
+        group = _renumbered(group * (column.max(initial=0) + 1) + column)
+        if group.max() >= count // 2:
+            return None
+    index = np.empty(group.max() + 1, dtype=np.int64)
+    index[group] = np.arange(count)  # of several the last one stays
+    return index, group
+
+
+def _renumbered(numbers: IntArray) -> IntArray:
+    """Return whole numbers from 0 without gaps, in the same order."""
+    largest = int(numbers.max(initial=0))
+    if largest >= 4 * len(numbers):  # too large for a table
+        return np.unique(numbers, return_inverse=True)[1]
+    used = np.zeros(largest + 1, dtype=bool)
+    used[numbers] = True
+    return (np.cumsum(used) - 1)[numbers]

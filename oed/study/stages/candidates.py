@@ -1,5 +1,6 @@
 """The stage ``candidates``: feasible positions, and the reasons for removing others."""
 
+from concurrent.futures import Executor
 from pathlib import Path
 
 from oed.candidates.screening import ScreenedCandidates
@@ -20,7 +21,7 @@ def candidates(run: SimulatedRun) -> Stage[ScreenedCandidates]:
     choice = run.candidates
 
     def compute(folder: Path, report: Progress | None) -> ScreenedCandidates:
-        return gather(choice, run.robot, report)
+        return gather(choice, run.robot, report, run.executor)
 
     inputs = {
         "robot": run.robot_digest,
@@ -32,7 +33,10 @@ def candidates(run: SimulatedRun) -> Stage[ScreenedCandidates]:
 
 
 def gather(
-    settings: CandidatesChoice, robot: ElasticRobot, progress: Progress | None = None
+    settings: CandidatesChoice,
+    robot: ElasticRobot,
+    progress: Progress | None = None,
+    executor: Executor | None = None,
 ) -> ScreenedCandidates:
     """Return the candidates that `robot` can take.
 
@@ -52,6 +56,7 @@ def gather(
             listed=settings.positions,
             workcell=workcell(settings),
             progress=progress,
+            executor=executor,
         )
     except InvalidInput as error:
         # Of arguments that are this section's keys; files are named by their paths.
