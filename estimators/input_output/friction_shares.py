@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import solveh_banded
-from scipy.signal import lfilter, lfilter_zi
 
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.errors import IdentificationWarning, InvalidInput
@@ -245,6 +244,8 @@ def _lag_slopes(torque: Array, late: float, lag: float) -> Array:
 
     That is the difference of two means over a sample, each by the same equation.
     """
+    from scipy.signal import lfilter, lfilter_zi  # takes a second to load
+
     pole = np.exp(-1 / lag)
     b, a = [0.0, 1 - pole], [1.0, -pole]
     begun = lfilter(b, a, torque, zi=lfilter_zi(b, a) * torque[0])[0]  # where a sample begins

@@ -152,6 +152,25 @@ def usable(
     return mask
 
 
+def reasons(
+    robot: ElasticRobot,
+    position: Array,
+    surroundings: Surroundings | None = None,
+    *,
+    torque_limits: float | Sequence[float] | Array | None = None,
+) -> tuple[str, ...]:
+    """Return why `screened_candidates` removes a position (n,), in words; nothing if it does not.
+
+    Raises
+    ------
+    InvalidInput
+        If shapes or signs do not fit.
+    """
+    positions = _checked(np.asarray(position)[None], list(robot.motor_names))
+    screen = _screened(robot, positions, surroundings, torque_limits)
+    return tuple(f"{removal.reason}, {removal.what}" for removal in screen.removals)
+
+
 @dataclass(eq=False)
 class _Screen:
     """Positions that remain so far, by index, and the reasons of the others' removal."""

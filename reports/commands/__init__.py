@@ -22,6 +22,7 @@ from reports.commands import (
     simulate,
     steps,
     structure,
+    view,
 )
 
 _IN_ORDER = (
@@ -33,6 +34,7 @@ _IN_ORDER = (
     sensors,
     replicate,
     report,
+    view,
     export,
     predict,
     margins,

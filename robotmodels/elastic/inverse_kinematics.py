@@ -99,6 +99,22 @@ def inverse_kinematics(
     return np.array(distinct).reshape(-1, len(low))
 
 
+def nearest_position(robot: ElasticRobot, tool: Tool, point: Array, start: Array) -> Array | None:
+    """Return a position (n,) near `start` with the tool at `point`; None where none is reached.
+
+    One search of `inverse_kinematics` from `start` (n,), with the direction free: its damped steps
+    turn the joints as little as brings the tool there.
+
+    Raises
+    ------
+    InvalidInput
+        If the link is not there.
+    """
+    low, high = robot.position_limits.T
+    at, begin = np.asarray(point, dtype=float), np.clip(start, low, high)
+    return _search(_Reach(robot, tool), begin, at, None, low, high)
+
+
 class _Reach:
     """Where a tool is, and how it moves with the motors."""
 

@@ -6,6 +6,7 @@ from collision_arm import SHAPES, arm, shape
 
 from oed import Workcell, gathered_candidates, screened_candidates
 from oed.candidates.grids import repeated_positions
+from oed.candidates.screening import reasons
 from oed.study.settings.candidates_settings import CandidatesChoice
 from oed.study.stage_cache import open_stages
 from oed.study.stages.candidates import candidates, gather
@@ -196,3 +197,15 @@ def test_candidates_of_a_study_follow_the_meshes_they_are_checked_with(tmp_path)
 def test_mistakes_in_a_study_name_the_key_of_its_section(given, message, tmp_path):
     with pytest.raises(InvalidInput, match=message):
         gather(CandidatesChoice.model_validate(given), arm(tmp_path))
+
+
+def test_a_position_is_told_why_it_is_removed():
+    robot = load_robot("ur10")
+    around = surroundings(robot, floor=0.0)
+    up, down = np.array([0, -1.57, 0, 0, 0, 0.0]), np.array([0, 0.6, 0, 0, 0, 0.0])
+    assert reasons(robot, up, around) == ()
+    with pytest.raises(InvalidInput):
+        screened_candidates(robot, down[None], around)
+    words = reasons(robot, down, around)
+    assert "obstacle, 'forearm_link' and 'floor'" in words
+    assert reasons(robot, up, torque_limits=1e-3)[0].startswith("holding torque, motor 'm")

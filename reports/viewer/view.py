@@ -1,0 +1,272 @@
+"""What the viewer shows, without a browser: poses, modes, FRFs, candidates, gains of visits."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators import (
+    FrfBand,
+    Uncertainty,
+    best_additions,
+    covariance,
+    predict_frf,
+    recommended_uncertainty,
+)
+from oed import information
+from oed.candidates.screening import reasons
+from oed.candidates.sources import Workcell
+from oed.study.parts import DesignedPlan
+from oed.study.results import FittedStudy, PlannedStudy
+from oed.study.stages.candidates import workcell
+from oed.study.stages.run import frequency_grid
+from robotmodels import (
+    ElasticRobot,
+    Frame,
+    IdentificationError,
+    InvalidInput,
+    RelativeNoise,
+    Surroundings,
+    frequency_response,
+    linearize,
+    resonances,
+    tool_frame,
+    with_values,
+)
+from robotmodels.collision.obstacles import Obstacle
+from robotmodels.common.arrays import Array
+from robotmodels.elastic.elastic_pose import frame_points, joint_placements
+from robotmodels.elastic.inverse_kinematics import Tool, nearest_position
+from robotmodels.elastic.rigid_pose import unloaded
+
+_LINES = 200  # of a drawn FRF
+_BAND = 2 * np.pi * 2.0, 2 * np.pi * 80.0
+"""Frequencies where no study names them [rad/s]."""
+_STEP = 1e-6  # of the deflection that scales a mode shape
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """The robot at equilibrium, and its modes.
+
+    Attributes
+    ----------
+    robot : ElasticRobot
+        The robot.
+    coordinates : ndarray, (arm size,), rad or m
+        Equilibrium of its arm.
+    frequencies : ndarray, (k,), rad/s
+        Undamped resonances, lowest first.
+    shapes : ndarray, (arm size, k)
+        Mode shapes that move the joint or the tool that moves most by 1 m.
+    """
+
+    robot: ElasticRobot
+    coordinates: Array
+    frequencies: Array
+    shapes: Array
+
+    def placements(self, deflection: Array | float = 0.0) -> Array:
+        """Return the placements of the joints, (joints, 4, 4), deflected from equilibrium."""
+        return np.asarray(joint_placements(self.robot, (self.coordinates + deflection)[None])[0])
+
+    def in_mode(self, mode: int, amplitude: float, phase: float) -> Array:
+        """Return the placements of the joints at a phase [rad] of a mode of an amplitude [m]."""
+        return self.placements(amplitude * np.sin(phase) * self.shapes[:, mode])
+
+
+@dataclass(frozen=True)
+class Gain:
+    """What one more visit in a position would add to a plan.
+
+    Attributes
+    ----------
+    factor : float
+        Geometric mean, over the parameters, of the factors by which standard deviations fall.
+    improved : str
+        Parameter whose standard deviation falls most.
+    before, after : float
+        Relative standard deviation of that parameter.
+    """
+
+    factor: float
+    improved: str
+    before: float
+    after: float
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A robot, and a study of it where there is one.
+
+    Attributes
+    ----------
+    robot : ElasticRobot
+        The robot.
+    omega : ndarray, (F,), rad/s
+        Angular frequencies of drawn FRFs.
+    uncertainty : Uncertainty or None
+        Covariance of the parameters for the band of FRFs; None draws none.
+    study : PlannedStudy or None
+        What a study computed.
+    """
+
+    robot: ElasticRobot
+    omega: Array
+    uncertainty: Uncertainty | None = None
+    study: PlannedStudy | None = None
+
+    @classmethod
+    def of_robot(cls, robot: ElasticRobot) -> "View":
+        """Return the view of a robot; with a band if its file has standard deviations."""
+        try:
+            uncertainty = recommended_uncertainty(robot)
+        except InvalidInput:
+            uncertainty = None
+        return cls(robot, _lines(*_BAND), uncertainty)
+
+    @classmethod
+    def of_study(cls, results: PlannedStudy) -> "View":
+        """Return the view of a study: with the covariance of its fit, or of its plan.
+
+        That of a fit is Theorem 1's: the intervals one may quote take seconds to compute.
+        """
+        robot, omega = results.robot, results.plan.omega
+        try:
+            if isinstance(results, FittedStudy):
+                fit = results.fits.result
+                robot = with_values(robot, fit.parameters.values)
+                uncertainty: Uncertainty | None = covariance(fit)
+            else:
+                uncertainty = _promised(results)
+        except IdentificationError:  # a combination of parameters is left open
+            uncertainty = None
+        return cls(robot, _lines(omega.min(), omega.max()), uncertainty, results)
+
+    @cached_property
+    def tool(self) -> Frame:
+        """The point that is moved by hand."""
+        return tool_frame(self.robot)
+
+    def tool_points(self, positions: Array) -> Array:
+        """Return where the tool is in positions (Q, n), springs unloaded, (Q, 3) [m]."""
+        placements = joint_placements(self.robot, unloaded(self.robot, np.asarray(positions)))
+        return frame_points(self.robot, self.tool, placements)
+
+    def position_at(self, point: Array, near: Array) -> Array | None:
+        """Return a position (n,) near another with the tool at a point; None if out of reach."""
+        return nearest_position(self.robot, Tool(self.tool.link, self.tool.at), point, near)
+
+    def pose(self, position: Array, values: Array) -> Pose:
+        """Return equilibrium and modes in a position (n,) at parameters (p,) [SI].
+
+        Raises
+        ------
+        NoEquilibrium
+            If a spring gives way.
+        """
+        (coordinates,) = self.robot.equilibrium(position[None], values).coordinates
+        modes = resonances(linearize(self.robot, position, values))
+        shapes = modes.shapes[: len(coordinates)]
+        moved = coordinates + np.vstack([np.zeros(len(coordinates)), _STEP * shapes.T])
+        placements = joint_placements(self.robot, moved)
+        points = np.concatenate(
+            [placements[:, :, :3, 3], frame_points(self.robot, self.tool, placements)[:, None]], 1
+        )
+        size = np.linalg.norm(points[1:] - points[0], axis=2).max(axis=1) / _STEP
+        scaled = shapes / np.where(size > 0, size, 1.0)
+        return Pose(self.robot, coordinates, modes.frequencies, scaled)
+
+    def frf(self, position: Array, values: Array, output: int, motor: int) -> Array:
+        """Return |G| of one element and the ends of its band, (3, F); NaN without a band.
+
+        Raises
+        ------
+        NoEquilibrium
+            If a spring gives way.
+        """
+        at, element = position[None], np.s_[0, :, output, motor]
+        if self.uncertainty is None:
+            magnitude = np.abs(frequency_response(self.robot, at, self.omega, values)[element])
+            return np.array([magnitude, *np.full((2, len(magnitude)), np.nan)])
+        band: FrfBand = predict_frf(self.robot, values, at, self.omega, self.uncertainty)
+        return np.array([np.abs(band.response[element]), band.lower[element], band.upper[element]])
+
+    @property
+    def candidates(self) -> Array:
+        """Positions that the study chose from, (Q, n)."""
+        if self.study is None:
+            return np.empty((0, len(self.robot.motor_names)))
+        return np.asarray(self.study.plan.information.positions)
+
+    def colours(self, by: str) -> NDArray[np.uint8]:
+        """Return colours of the candidates, (Q, 3) of 0 to 255, by "weight" or "sensitivity"."""
+        from matplotlib import colormaps
+
+        if self.study is None:
+            return np.empty((0, 3), dtype=np.uint8)
+        design = self.study.plan.design
+        numbers = design.weights if by == "weight" else design.sensitivity
+        low, high = (0.0, numbers.max()) if by == "weight" else (numbers.min(), numbers.max())
+        scaled = (numbers - low) / (high - low or 1.0)
+        return np.asarray(colormaps["viridis"](scaled, bytes=True)[:, :3])
+
+    @cached_property
+    def workcell(self) -> Workcell:
+        """What keeps the robot from a position: as the study says, or itself."""
+        settings = None if self.study is None else self.study.study.candidates
+        return Workcell() if settings is None else workcell(settings)
+
+    @cached_property
+    def surroundings(self) -> Surroundings | None:
+        """What the robot is compared with."""
+        return self.workcell.surroundings(self.robot)
+
+    @property
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """What stands around the robot."""
+        return () if self.surroundings is None else self.surroundings.obstacles
+
+    def reasons(self, position: Array) -> tuple[str, ...]:
+        """Return why a study would not measure in a position (n,)."""
+        torque = self.workcell.torque_limits
+        return reasons(self.robot, position, self.surroundings, torque_limits=torque)
+
+    def gain(self, position: Array) -> Gain | None:
+        """Return what one more visit to a position (n,) would add; None without a noise law."""
+        if self.study is None or not isinstance(self.study.plan, DesignedPlan):
+            return None
+        plan, settings = self.study.plan, self.study.study
+        assert settings.frequencies is not None
+        assert settings.noise is not None
+        noise = RelativeNoise(
+            relative=settings.noise.relative,
+            floor=settings.noise.floor,
+            by_output=len(set(self.robot.output_units)) > 1,
+        )
+        omega, robot = frequency_grid(settings.frequencies), self.study.robot
+        run = information(robot, position[None], omega, noise)
+        visit = plan.visit_share * run.matrices
+        scaled = plan.promise.singular_values[:, None] * plan.promise.directions
+        additions = best_additions(scaled.T @ scaled, visit, plan.promise.names)
+        ratio = plan.promise.std / additions.std[0]
+        most = int(np.argmax(ratio))
+        return Gain(
+            float(additions.gain[0]),
+            plan.promise.names[most],
+            float(plan.promise.std[most]),
+            float(additions.std[0, most]),
+        )
+
+
+def _lines(low: float, high: float) -> Array:
+    return np.asarray(np.geomspace(low, high, _LINES))
+
+
+def _promised(results: PlannedStudy) -> Uncertainty:
+    """Return the covariance that the plan promises: the inverse of its information."""
+    promise = results.plan.promise
+    with np.errstate(divide="ignore"):
+        scaled = promise.directions / promise.singular_values[:, None]
+    return Uncertainty(promise.names, scaled.T @ scaled, "predicted by the plan")

@@ -1,0 +1,125 @@
+"""The viewer: what is drawn when controls are moved.
+
+The controls only say what to show; `Viewer.step`, called over and over by one thread, draws it, so
+that of many moves of a slider the last one counts.
+"""
+
+import io
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
+from typing import Any
+
+import numpy as np
+import viser
+
+from reports import text
+from reports.viewer.controls import Controls
+from reports.viewer.scene import Candidates, RobotBody, add_obstacles, add_plan
+from reports.viewer.view import Pose, View
+from robotmodels.common.arrays import Array
+from robotmodels.common.errors import IdentificationError
+
+_PAUSE = 1 / 30  # between two pictures [s]
+_SLOW = 0.5  # cycles of a mode a second, whatever its frequency
+_CAMERA = np.array([0.8, -0.6, 0.4])
+"""From what is looked at, over its size."""
+
+
+@contextmanager
+def serving(port: int) -> Iterator[viser.ViserServer]:
+    """Give a server for this machine alone, at a port or, if that is taken, one of the next."""
+    with redirect_stdout(io.StringIO()):  # it would print its address in a frame
+        server = viser.ViserServer(host="127.0.0.1", port=port, verbose=False)
+    try:
+        server.gui.configure_theme(show_logo=False, show_share_button=False)
+        yield server
+    finally:
+        with redirect_stdout(io.StringIO()):
+            server.stop()
+
+
+class Viewer:
+    """A view of a robot on a server.
+
+    Parameters
+    ----------
+    view : View
+        What to show.
+    server : viser.ViserServer
+        Serves it.
+    """
+
+    def __init__(self, view: View, server: viser.ViserServer) -> None:
+        self._view = view
+        self._changed = True
+        self._dragged_to: Array | None = None
+        self._pose: Pose | None = None
+        limits, study = view.robot.position_limits, view.study
+        start = limits.mean(axis=1) if study is None else study.plan.positions[0]
+        self._body, candidates = RobotBody(server, view), Candidates(server, view)
+        add_plan(server, view)
+        add_obstacles(server, view)
+        self.controls = Controls(server.gui, view, start, self._touch)
+        if (choice := self.controls.plan_colours) is not None:
+            choice.on_update(lambda _: candidates.colour(choice.value))
+        self._tool = server.scene.add_transform_controls("/tool", 0.25, disable_rotations=True)
+        self._tool.on_update(self._drag)
+        points = view.tool_points(np.vstack([view.candidates, start]))
+        low, high = np.minimum(points.min(axis=0), 0.0), np.maximum(points.max(axis=0), 0.0)
+        camera, middle = server.initial_camera, (low + high) / 2
+        camera.look_at, camera.position = middle, middle + np.linalg.norm(high - low) * _CAMERA
+
+    def run(self) -> None:
+        """Draw what changes until interrupted."""
+        while True:
+            self.step(time.monotonic())
+            time.sleep(_PAUSE)
+
+    def step(self, seconds: float) -> None:
+        """Draw what has changed, and a mode as far as it has moved after some time [s]."""
+        controls = self.controls
+        if self._dragged_to is not None:
+            point, self._dragged_to = self._dragged_to, None
+            reached = self._view.position_at(point, controls.position)
+            controls.position = controls.position if reached is None else reached
+        changed, self._changed = self._changed, False
+        if changed:
+            self._update(controls.position, controls.values)
+        pose, mode = self._pose, controls.mode
+        if pose is not None and mode is not None:
+            phase = 2 * np.pi * _SLOW * seconds
+            self._body.draw(pose.in_mode(mode, controls.amplitude, phase))
+        elif pose is not None and changed:
+            self._body.draw(pose.placements())
+
+    def _update(self, position: Array, values: Array) -> None:
+        """Compute anew what depends on position and springs."""
+        (self._tool.position,) = self._view.tool_points(position[None])
+        try:
+            self._pose = self._view.pose(position, values)
+            self.controls.show_modes(self._pose.frequencies / (2 * np.pi))
+            self.controls.show_frf(self._view.frf(position, values, *self.controls.element))
+            self.controls.words.content = self._words(position)
+        except IdentificationError as error:  # springs too soft for the arm
+            self.controls.words.content = f"**{error}**"
+
+    def _words(self, position: Array) -> str:
+        """Return what there is to say of a position."""
+        reasons = self._view.reasons(position)
+        feasible = "Feasible: within its limits, no collision."
+        words = [f"**Refused**: {'; '.join(reasons)}" if reasons else feasible]
+        gain = self._view.gain(position)
+        if gain is not None:
+            words.append(
+                f"One more visit here: standard deviations fall by "
+                f"{text.percent(1 - 1 / gain.factor)} (geometric mean), that of {gain.improved} "
+                f"most, from {text.percent(gain.before)} to {text.percent(gain.after)}."
+            )
+        return "\n\n".join(words)
+
+    def _touch(self) -> None:
+        self._changed = True
+
+    def _drag(self, event: Any) -> None:
+        self._dragged_to = np.array(event.target.position)

@@ -1,0 +1,206 @@
+"""``oed view``: what it shows, first without a browser, then in one."""
+
+import signal
+import socket
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from browser import chromium
+from conftest import oed
+
+import oed as what_to_measure
+from oed.study.pipeline import design_study, fit_study
+from oed.study.settings.study_file import load_study
+from reports.commands import view as command
+from reports.viewer.view import View
+from reports.viewer.viewer import Viewer, serving
+from robotmodels import frequency_response, load_robot
+
+pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning:websockets")
+
+
+@pytest.fixture(scope="module")
+def study(small_study):
+    return load_study(small_study[0].parents[1] / "study.yaml")
+
+
+@pytest.fixture(scope="module")
+def planned(study):
+    return View.of_study(design_study(study))
+
+
+@pytest.fixture(scope="module")
+def fitted(study):
+    return View.of_study(fit_study(study))
+
+
+def free_port():
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return one.getsockname()[1]
+
+
+@pytest.fixture
+def viewer(planned):
+    with serving(free_port()) as server:
+        yield Viewer(planned, server)
+
+
+def test_a_visit_more_gains_what_the_score_of_the_plan_says(planned):
+    plan = planned.study.plan
+    score = what_to_measure.score(
+        plan.information, plan.used, plan.exact.repetitions[plan.used], additions=3
+    )
+    for one in score.additions:
+        gain = planned.gain(planned.candidates[one.candidate])
+        # The score's is that of det^(1/p) of the information, of variances thus.
+        assert gain.factor**2 == pytest.approx(one.gain, rel=1e-6)
+        assert gain.after < gain.before
+
+
+def test_frf_and_band_are_those_of_the_model(planned, fitted):
+    position, values = planned.candidates[3], fitted.robot.parameters.values
+    magnitude, lower, upper = fitted.frf(position, values, 1, 0)
+    exact = frequency_response(fitted.robot, position[None], fitted.omega, values)[0, :, 1, 0]
+    assert magnitude == pytest.approx(np.abs(exact), rel=1e-9)
+    assert (lower < magnitude).all()
+    assert (magnitude < upper).all()
+    softer = fitted.frf(position, 0.5 * values, 1, 0)[0]
+    assert not np.allclose(softer, magnitude, rtol=0.1)
+    assert np.isnan(View.of_robot(fitted.robot).frf(position, values, 1, 0)[1:]).all()
+
+
+def test_a_mode_shape_moves_what_moves_most_by_its_amplitude(planned):
+    pose = planned.pose(planned.candidates[3], planned.robot.parameters.values)
+    rest = pose.placements()
+    for mode in range(len(pose.frequencies)):
+        moved = pose.in_mode(mode, 1e-5, np.pi / 2)
+        origins = np.linalg.norm(moved[:, :3, 3] - rest[:, :3, 3], axis=1)
+        assert origins.max() < 1.001e-5  # the tool may be what moves most
+    assert pose.in_mode(0, 0.1, 0.0) == pytest.approx(rest)
+
+
+def test_candidates_of_more_weight_are_brighter(planned):
+    weights, colours = planned.study.plan.design.weights, planned.colours("weight")
+    best, none = int(np.argmax(weights)), int(np.argmin(weights))
+    assert colours[best].sum() > colours[none].sum()
+    assert not np.array_equal(colours, planned.colours("sensitivity"))
+
+
+def test_controls_change_what_is_shown(viewer, planned):
+    controls = viewer.controls
+    viewer.step(0.0)
+    assert "One more visit here" in controls.words.content
+    assert controls.position == pytest.approx(planned.study.plan.positions[0], abs=1e-4)
+    before = np.array(controls._plot.data[3])
+    controls._factors[0].value = -0.5
+    viewer.step(0.1)
+    assert not np.allclose(controls._plot.data[3], before, rtol=0.05)
+    assert controls.values[0] == pytest.approx(planned.robot.parameters.values[0] / 10**0.5)
+    controls._mode.value = controls._modes[1]
+    viewer.step(0.2)
+    first = np.array(viewer._body._frames[-1].position)
+    viewer.step(0.7)
+    assert np.linalg.norm(viewer._body._frames[-1].position - first) > 1e-3
+
+
+def test_the_tool_is_dragged_to_a_position_and_back_from_out_of_reach(viewer, planned):
+    viewer.step(0.0)
+    target = np.array(viewer._tool.position)
+    start = viewer.controls.position
+    target = planned.tool_points(start[None] + 0.05)[0]
+    viewer._drag(SimpleNamespace(target=SimpleNamespace(position=target)))
+    viewer.step(0.1)
+    assert planned.tool_points(viewer.controls.position[None])[0] == pytest.approx(target, abs=1e-3)
+    reached = viewer.controls.position
+    viewer._drag(SimpleNamespace(target=SimpleNamespace(position=np.array([9.0, 0, 0]))))
+    viewer.step(0.2)
+    assert viewer.controls.position == pytest.approx(reached)
+    assert viewer._tool.position == pytest.approx(target, abs=1e-3)
+
+
+def test_springs_too_soft_for_the_arm_are_told(viewer):
+    viewer.controls._factors[0].value = viewer.controls._factors[1].value = -1.0
+    hardly = viewer._view.robot.parameters.values * 1e-3
+    viewer._update(viewer.controls.position, hardly)
+    assert "stiff" in viewer.controls.words.content or "spring" in viewer.controls.words.content
+
+
+def test_twenty_thousand_candidates_are_shown(planned):
+    plan = planned.study.plan
+    many = np.tile(plan.information.positions, (20_000 // len(plan.information.positions), 1))
+    spread = many + np.random.default_rng(1).uniform(-0.01, 0.01, many.shape)
+    low, high = planned.robot.position_limits.T
+    times = len(many) // len(plan.information.positions)
+    info = replace(
+        plan.information,
+        positions=np.clip(spread, low, high),
+        matrices=np.tile(plan.information.matrices, (times, 1, 1)),
+    )
+    design = replace(
+        plan.design,
+        weights=np.tile(plan.design.weights, times),
+        sensitivity=np.tile(plan.design.sensitivity, times),
+    )
+    study = replace(planned.study, plan=replace(plan, information=info, design=design))
+    with serving(free_port()) as server:
+        viewer = Viewer(View(planned.robot, planned.omega, None, study), server)
+        viewer.step(0.0)
+        names = ("/candidates/with weight", "/candidates/without weight")
+        clouds = [server.scene.get_handle_by_name(name) for name in names]
+        assert sum(len(cloud.points) for cloud in clouds) == 20_000
+
+
+def test_without_the_extra_one_line_says_how_to_get_it(monkeypatch):
+    monkeypatch.setattr(command, "find_spec", lambda name: None)
+    code, out, err = oed("view", "ur10")
+    assert (code, out) == (2, "")
+    assert err.startswith("error: view: the library viser is needed; pip install")
+    assert err.count("\n") == 1
+
+
+@pytest.fixture
+def running(study, tmp_path):
+    path = Path(study.output).parents[1] / "study.yaml"
+    line = [sys.executable, "-m", "reports.cli", "view", str(path), "--port", str(free_port())]
+    with subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as one:
+        yield one, one.stdout.readline().split()[0]
+        if one.poll() is None:
+            one.kill()
+
+
+def test_the_page_of_a_study_is_alive_in_a_browser(running):
+    process, address = running
+    with chromium() as browser:
+        page = browser.new_page(viewport={"width": 1200, "height": 900})
+        requests, errors = [], []
+        page.on("request", lambda one: requests.append(one.url))
+        page.on("pageerror", lambda one: errors.append(str(one)))
+        page.goto(address)
+        page.get_by_text("One more visit here").wait_for(timeout=60_000)
+        assert page.locator("canvas").count() >= 1
+        before = page.get_by_text("One more visit here").inner_text()
+        page.get_by_role("slider").first.press("ArrowRight")  # the next visit
+        page.wait_for_function(
+            "before => !document.body.innerText.includes(before)", arg=before, timeout=30_000
+        )
+        assert errors == []
+        assert [url for url in requests if not url.startswith((address, "data:", "blob:"))] == []
+    process.send_signal(signal.SIGINT)
+    assert process.wait(timeout=20) == 130  # as of every command
+    assert "Traceback" not in process.stderr.read()
+
+
+def test_a_robot_without_a_study_is_shown():
+    robot = load_robot("manutec_r3")
+    with serving(free_port()) as server:
+        viewer = Viewer(View.of_robot(robot), server)
+        viewer.step(time.monotonic())
+        assert viewer.controls.plan_colours is None
+        assert "Feasible" in viewer.controls.words.content
