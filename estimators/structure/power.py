@@ -1,23 +1,39 @@
-"""The probability that data will show springs, and tell where they are, before measuring."""
+"""The probability that data will show springs, and tell where they are, before measuring.
+
+With d_0 the change of the whitened data by a model without the spring, fitted to data without
+noise, and d_j that by one with rival j instead, regressors are g_0 = d_0/|d_0|, and of rivals
+g_j = (d_0 - d_j)/|d_0 - d_j|. The test is of size z + g_0'e, e the noise, and rival j fits worse if
+
+    (g_0 - g_j)'e / |g_0 - g_j| > -sqrt(lambda_j / (2 + 2 g_0'g_j)),  lambda_j = |d_j|^2,
+
+which is exact where one linear step is. All hold together by one normal law.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import ndtr, ndtri
+from scipy.stats import multivariate_normal
 
 from estimators.fitting.fitted_model import FittedModel
 from estimators.fitting.least_squares import Fit, as_fit
 from estimators.fitting.run_problem import RunProblem
 from estimators.fitting.trust_region import SearchResult
 from estimators.structure.refits import SHORTLIST, Refits
-from estimators.structure.score_table import TOLD_APART
+from estimators.structure.score_table import TOLD_APART, Score
 from estimators.structure.score_tests import DAMPING_TIMES, fitted_robot
-from robotmodels.common.arrays import check_level
+from robotmodels.common.arrays import Array, check_level
 from robotmodels.description.robot_file import Spring
 from robotmodels.elastic.possible_springs import possible_springs, with_springs
 from robotmodels.elastic.tool_response import underlying_robot
 from robotmodels.linear.response import frequency_response
+
+_RIVALS = 4 * SHORTLIST
+"""Rivals of one spring that are refitted."""
+
+_CERTAIN = 7.0
+"""Standard deviations from which on an event counts as certain."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +51,10 @@ class StructurePower:
     twins : tuple of str
         Rivals that are not told apart in 95 %.
     detection : float
-        Probability that its score test fires: Phi(sqrt(lambda) - c), c the tests' limit.
+        Probability that its score test fires and the refit falls as far: Phi(z - c), z the smaller
+        one of the test's and sqrt(lambda), c the tests' limit.
     right_place : float
-        Probability that it fires and no rival fits better: that times Phi(sqrt(lambda_T) / 2).
+        Probability that it fires and none of the rivals fits better.
     """
 
     name: str
@@ -98,19 +115,73 @@ def structure_power(
 def _power(
     refits: Refits, exact: FittedModel, springs: Sequence[Spring], spring: Spring, level: float
 ) -> StructurePower:
-    trial = refits.replacements(exact, springs, spring, rivals=2 * SHORTLIST)
-    misfit = max(trial.rise, 0.0)
-    best = max(min(trial.misfits.values(), default=np.inf), 0.0)
-    limit = float(-ndtri(level / trial.table.independent))
-    detection = float(ndtr(np.sqrt(misfit) - limit))
+    trial = refits.replacements(exact, springs, spring, rivals=_RIVALS)
+    misfit, count = max(trial.rise, 0.0), trial.table.independent
+    size = min(float(np.sqrt(misfit)), _size(trial.score, count))
+    shows = size + float(ndtri(level / count))
+    rivals = np.maximum(list(trial.misfits.values()), 0.0)
+    changes = [_change(each) for each in trial.rivals.values()]
+    margins, correlation = rivalry(_change(trial.fit), changes, rivals)
+    detection = float(ndtr(shows))
     return StructurePower(
         spring.name,
         misfit,
-        best,
+        float(min(rivals, default=np.inf)),
         tuple(name for name, each in trial.misfits.items() if each < TOLD_APART),
         detection,
-        detection * float(ndtr(np.sqrt(best) / 2)),
+        min(all_above(np.array([shows, *margins]), correlation), detection),
     )
+
+
+def _size(score: Score | None, independent: float) -> float:
+    """Return a score test in standard deviations, what its search for a damping time costs off."""
+    return -np.inf if score is None else float(-ndtri(score.probability / independent))
+
+
+def _change(fit: FittedModel) -> Array:
+    """Return the residuals of a fit to data without noise, whitened and real, (r,)."""
+    white = fit.problem.residuals(fit.parameters.values)[0].ravel()
+    return np.concatenate([white.real, white.imag])
+
+
+def rivalry(change: Array, by_rivals: Sequence[Array], misfits: Array) -> tuple[Array, Array]:
+    """Return margins (j,) of rivals, and correlations (1 + j, 1 + j) of the test and of them.
+
+    Parameters
+    ----------
+    change : ndarray, (r,)
+        Residuals d_0 without the spring.
+    by_rivals : sequence of ndarray, (r,)
+        Residuals d_j with rivals in its place.
+    misfits : ndarray, (j,)
+        Squared misfits lambda_j.
+    """
+    missing = _unit(change)
+    regressors = np.reshape([_unit(change - each) for each in by_rivals], (-1, len(change)))
+    directions = np.stack([missing, *(_unit(missing - each) for each in regressors)])
+    return np.sqrt(misfits / (2 + 2 * regressors @ missing)), directions @ directions.T
+
+
+def _unit(vector: Array) -> Array:
+    return np.asarray(vector / max(float(np.linalg.norm(vector)), 1e-300))
+
+
+def all_above(margins: Array, correlation: Array) -> float:
+    """Return the probability that standard normal n_j > -margins_j, (r,), for all of them.
+
+    Parameters
+    ----------
+    margins : ndarray, (r,)
+        Margins.
+    correlation : ndarray, (r, r)
+        Of the n_j.
+    """
+    near = margins < _CERTAIN
+    correlation = correlation + np.diag(1 - np.diag(correlation))  # 0 of a rival like the spring
+    if not near.any():
+        return 1.0
+    law = multivariate_normal(cov=correlation[np.ix_(near, near)], allow_singular=True, seed=0)
+    return float(np.clip(law.cdf(margins[near]), 0.0, 1.0))
 
 
 def _without_noise(fit: FittedModel, springs: Sequence[Spring]) -> FittedModel:

@@ -44,6 +44,8 @@ class Replacements:
         Rise of the squared misfit without the spring.
     misfits : dict of str to float
         Rise with the best rivals in its place.
+    rivals : dict of str to FittedModel
+        Fits with these.
     """
 
     fit: FittedModel
@@ -51,6 +53,7 @@ class Replacements:
     score: Score | None
     rise: float
     misfits: dict[str, float]
+    rivals: dict[str, FittedModel]
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,12 +90,13 @@ class Refits:
         score = next((s for s in table if s.name == spring.name), None)
         # Costs in units of the noise's variance: of weights that are no likelihood, too.
         scale = next((s.ratio**2 / s.fall for s in table if s.fall > 0), 2.0)
-        misfits, least = dict[str, float](), 0.0 if score is None else NEAR * score.fall
-        for rival in [s for s in table if s.name != spring.name and s.fall > least][:rivals]:
-            best = self.best(without, others, [rival])
-            if best is not None:
-                misfits[rival.name] = scale * (best[1].cost - fit.cost)
-        return Replacements(without, table, score, scale * (without.cost - fit.cost), misfits)
+        least = 0.0 if score is None else NEAR * score.fall
+        near = [s for s in table if s.name != spring.name and s.fall > least][:rivals]
+        best = [self.best(without, others, [rival]) for rival in near]
+        fits = {pair[0].name: pair[1] for pair in best if pair is not None}
+        misfits = {name: scale * (rival.cost - fit.cost) for name, rival in fits.items()}
+        rise = scale * (without.cost - fit.cost)
+        return Replacements(without, table, score, rise, misfits, fits)
 
     def best(
         self, fit: FittedModel, springs: Sequence[Spring], shortlist: Sequence[Score]
