@@ -93,6 +93,10 @@ class DsCriterion:
         InvalidInput
             If a name is unknown or repeated, or there is none.
         """
+        return Objective(self.name, ((Term(MatrixMean(self.kind, self._selector(names))),),))
+
+    def _selector(self, names: Sequence[str]) -> Array:
+        """Return the unit vectors of the parameters of interest, (p, s)."""
         interest = (self.interest,) if isinstance(self.interest, str) else tuple(self.interest)
         if not interest or len(set(interest)) != len(interest):
             raise InvalidInput(
@@ -103,8 +107,7 @@ class DsCriterion:
                 raise InvalidInput(
                     f"criterion {self.name}: parameter {name!r} is not known{nearest(name, names)}"
                 )
-        selector = np.eye(len(names))[:, [list(names).index(name) for name in interest]]
-        return Objective(self.name, ((Term(MatrixMean(self.kind, selector)),),))
+        return np.asarray(np.eye(len(names))[:, [list(names).index(name) for name in interest]])
 
 
 @dataclass(frozen=True)
@@ -113,6 +116,23 @@ class AsCriterion(DsCriterion):
 
     name: str = "A_s"
     kind: ClassVar[Kind] = "A"
+
+
+@dataclass(frozen=True)
+class LargestVarianceCriterion(DsCriterion):
+    """The largest variance of some parameters, the others nuisance: a maximin of information.
+
+    1/variance of the stiffness of a spring that may be there is the squared size of its test.
+    """
+
+    name: str = "maximin"
+    kind: ClassVar[Kind] = "A"
+
+    def objective(self, names: Sequence[str], samples: int = 1) -> Objective:
+        """Return the least of the variances' inverses; errors: see `DsCriterion`."""
+        columns = self._selector(names).T[..., None]
+        groups = tuple((Term(MatrixMean(self.kind, column)),) for column in columns)
+        return Objective(self.name, groups, (0.0,) * len(groups))
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,8 @@ files depends on the clock or on where they lie: the same seed gives the same fi
     words; ``positions``: the positions to measure in,
     each with ``candidate``, ``position`` [rad, in the order of ``motors``], ``weight``,
     ``repetitions`` (experiments in it), in the order of visits; where the study asks for them,
-    ``order``: ``candidates`` in that order, ``seconds`` of all moves, from the start and back to
+    ``springs`` to tell apart, see `estimators.StructurePower`, ``order``: ``candidates`` in that
+    order, ``seconds`` of all moves, from the start and back to
     it, and ``robust``: efficiencies at each sample of theta of the design and of the ``nominal``
     one.
 ``fit.json``
@@ -121,6 +122,8 @@ def _choices(plan: DesignedPlan) -> dict[str, Any]:
             "efficiency": plan.robust.efficiency,
             "nominal": plan.robust.nominal_efficiency,
         }
+    if plan.powers:
+        document["springs"] = [vars(power) for power in plan.powers]
     if plan.order is not None:
         document["order"] = {"candidates": plan.used, "seconds": plan.order.duration}
     return document

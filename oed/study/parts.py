@@ -97,11 +97,14 @@ class DesignedPlan(_Plan):
     order : VisitingOrder or None
         Order of the plan's support, to shorten the moves; None where the study says nothing of
         them.
+    powers : tuple of StructurePower
+        What the plan's data will tell of springs that it is to tell apart.
     """
 
     candidates: ScreenedCandidates
     robust: RobustDesign | None
     order: VisitingOrder | None
+    powers: tuple[StructurePower, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,6 @@ from typing import TypeVar
 from estimators.fitting.fit_problem import Measured
 from estimators.fitting.fitted_model import FittedModel
 from estimators.structure.choose_structure import choose_structure
-from estimators.structure.power import structure_power
 from estimators.structure.score_tests import score_tests
 from estimators.uncertainty.covariance import covariance
 from estimators.validation.held_out_positions import validate
@@ -21,6 +20,7 @@ from oed.study.results import FittedStudy, PlannedStudy, StudyResults
 from oed.study.settings.study_file import Study
 from oed.study.sources import MeasuredStudy, SimulatedDesign, SimulatedStudy
 from oed.study.stage_cache import Stage, Stages, versions
+from oed.study.stages.assumed_springs import powers_of_alternatives
 from oed.study.stages.cross_check import CrossCheckInputs, cross_check
 from oed.study.stages.fit import Search, fit
 from oed.study.stages.posterior import check_posterior, cost_posterior, posterior
@@ -103,8 +103,7 @@ def structure_study(
         if out is not None:
             ends = [best, *(step.fit for step in choice.steps)]
             misfits = tuple(_misfit(end, out.value.held_out) for end in ends)
-        assumed = study.design.tell_apart
-        powers = structure_power(best, assumed, level=level) if assumed else ()
+        powers = powers_of_alternatives(study.design, source.run.robot, best, level)
         return results, Structure(score_tests(best), choice, misfits, powers)
 
 

@@ -6,6 +6,7 @@ from typing import Self
 
 import numpy as np
 
+from estimators.structure.power import StructurePower
 from estimators.trust.trust import Trust
 from estimators.validation.predict_tool import ToolPrediction, predict_tool
 from oed.plan_comparison.plan_comparison import PlanComparison
@@ -66,6 +67,11 @@ class PlannedStudy:
     def plan_summary(self) -> PlanSummary:
         """Key figures of the plan."""
         return summarise_plan(self.plan)
+
+    @property
+    def powers(self) -> tuple[StructurePower, ...]:
+        """What the plan's data will tell of springs that it is to tell apart."""
+        return self.plan.powers if isinstance(self.plan, DesignedPlan) else ()
 
     def with_failures(self, *failures: Failure) -> Self:
         """Return the results with more failures."""

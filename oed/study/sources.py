@@ -13,6 +13,7 @@ from oed.information_sets.information_set import InformationSet
 from oed.plan_comparison.plan_comparison import PlanComparison
 from oed.study.parts import DesignedPlan, MeasuredData, MeasuredPlan, SimulatedData
 from oed.study.stage_cache import Stage
+from oed.study.stages.assumed_springs import AssumedSprings, assumed_springs
 from oed.study.stages.candidates import candidates
 from oed.study.stages.comparison import check_comparison, comparison
 from oed.study.stages.data import Data, data_by_noise_law, data_from_records, measured_data
@@ -41,6 +42,7 @@ class SimulatedDesign:
     candidates: Stage[ScreenedCandidates]
     information: Stage[Information]
     design: Stage[StudyDesign]
+    assumed: Stage[AssumedSprings] | None
 
     @classmethod
     def of(cls, run: SimulatedRun) -> "SimulatedDesign":
@@ -57,7 +59,10 @@ class SimulatedDesign:
         info = information(run, screened)
         samples = sampled_information(run, screened)
         about = structure_information(run, screened) or info
-        return cls(run, screened, info, design(run, about, samples))
+        plan = design(run, about, samples)
+        share = runs_of_block(run) / len(run.robot.motor_names)
+        assumed = assumed_springs(run, visits(info, plan), share)
+        return cls(run, screened, info, plan, assumed)
 
     @property
     def plan(self) -> DesignedPlan:
@@ -76,6 +81,7 @@ class SimulatedDesign:
             candidates=self.candidates.value,
             robust=stage.robust,
             order=stage.order,
+            powers=() if self.assumed is None else self.assumed.value.powers,
         )
 
 
@@ -98,7 +104,8 @@ class SimulatedStudy(SimulatedDesign):
         else:
             run = _at_simulated_speeds(run, simulated.value.records)
             data = data_from_records(run, simulated.value.records, simulated.digest)
-        return cls(run, before.candidates, before.information, before.design, simulated, data)
+        finished = before.candidates, before.information, before.design, before.assumed
+        return cls(run, *finished, simulated, data)
 
     @property
     def results_data(self) -> SimulatedData:

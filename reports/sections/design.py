@@ -37,6 +37,7 @@ def section(results: StudyResults) -> Section | None:
         parameters=len(design.names),
         cost=cost(results),
         promised=promised_table(results),
+        powers=results.powers,
         ends=[(one.name, _std(one.std).text) for one in (summary.best, summary.worst)],
         gap=text.one_and(summary.gap),
         efficiency=text.efficiency(summary.efficiency),

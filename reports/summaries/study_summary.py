@@ -58,6 +58,8 @@ def study_json(results: PlannedStudy, written: list[Path]) -> dict[str, Any]:
         "efficiency": plan.efficiency,
         "promised": promised_document(plan),
     }
+    if r.powers:
+        document["springs"] = [vars(power) for power in r.powers]
     if isinstance(r, FittedStudy):
         fit, trust = r.fit_summary, r.trust.document()
         document |= {
@@ -107,6 +109,7 @@ def _design_lines(r: PlannedStudy) -> Lines:
             f"{plain(efficiency(plan.efficiency))}",
         ),
         *_promise_lines(plan),
+        *[("" if i else "springs", str(power)) for i, power in enumerate(r.powers)],
     ]
 
 

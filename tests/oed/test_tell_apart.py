@@ -38,17 +38,17 @@ def _springs(*springs):
     return [s.model_dump(mode="json", exclude_none=True) for s in springs]
 
 
-def _detection(results):
-    """Information on the compliance beside the parameters: a Schur complement, by differences."""
+def _detection(results, springs=(SPRING,)):
+    """Information on each stiffness beside all others: Schur complements, by differences."""
     positions = results.plan.positions
     counts = results.plan.exact.repetitions[results.plan.used]
     omega = results.plan.omega
-    robot = robotmodels.with_springs(ROBOT, [SPRING], free=True)
+    robot = robotmodels.with_springs(ROBOT, springs, free=True)
     theta = robot.parameters.values
     G = robotmodels.frequency_response(robot, positions, omega)
     columns = []
     for j, name in enumerate(robot.parameters.names):
-        if name == "joint3 z.damping":
+        if name in {f"{spring.name}.damping" for spring in springs}:
             continue
         step = np.ones(len(theta))
         step[j] = np.exp(1e-4)
@@ -57,18 +57,15 @@ def _detection(results):
             for sign in (1, -1)
         )
         columns.append((up - down) / 2e-4)
-    names = [n for n in robot.parameters.names if n != "joint3 z.damping"]
+    dampers = {f"{spring.name}.damping" for spring in springs}
+    names = [n for n in robot.parameters.names if n not in dampers]
     white = np.stack(columns) * np.sqrt(
         counts[:, None, None, None] / robotmodels.RelativeNoise(0.03, 0.01).variance(G)
     )
     flat = white.reshape(len(names), -1)
     information = 2 * (flat.conj() @ flat.T).real
-    return (
-        1
-        / np.linalg.inv(information)[names.index("joint3 z.stiffness")][
-            names.index("joint3 z.stiffness")
-        ]
-    )
+    variances = dict(zip(names, np.diag(np.linalg.inv(information)), strict=True))
+    return np.array([1 / variances[f"{spring.name}.stiffness"] for spring in springs])
 
 
 def test_a_plan_that_tells_springs_apart_sees_them_better_and_has_a_certificate(tmp_path):
@@ -90,7 +87,7 @@ def test_a_plan_that_tells_springs_apart_sees_them_better_and_has_a_certificate(
         "joint2 z.stiffness",
         *ROBOT.parameters.names[3:],
     )
-    seen = [_detection(results) for results in (plain, both, only)]
+    seen = [_detection(results)[0] for results in (plain, both, only)]
     assert seen[2] > 0.9 * max(seen)
     assert seen[1] > seen[0]
     assert seen[2] > 1.2 * seen[0]
@@ -99,15 +96,57 @@ def test_a_plan_that_tells_springs_apart_sees_them_better_and_has_a_certificate(
     assert volumes[0] >= volumes[1] - 0.05
 
 
+def _least(design):
+    """Least information on a spring of a relaxed design, beside all else."""
+    variances = dict(zip(design.names, np.diag(np.linalg.inv(design.information)), strict=True))
+    return min(1 / variances[f"{spring.name}.stiffness"] for spring in (SPRING, OTHER))
+
+
 def _total(results):
     plan = results.plan
     return np.tensordot(plan.exact.repetitions, plan.information.matrices, axes=1)
 
 
+def test_maximin_raises_the_least_and_a_structure_file_stands_for_its_springs(tmp_path):
+    robot = robotmodels.with_springs(ROBOT, [SPRING, OTHER], free=True)
+    robotmodels.save_robot(robot, tmp_path / "structure.yaml")
+    by_file = _design(tmp_path, tell_apart=["structure.yaml"], criterion="maximin")
+    assert by_file.plan.design.gap <= 1e-6
+    by_elements = _design(tmp_path / "a", tell_apart=_springs(SPRING, OTHER), criterion="maximin")
+    np.testing.assert_array_equal(
+        by_file.plan.exact.repetitions, by_elements.plan.exact.repetitions
+    )
+    volume = _design(tmp_path / "b", tell_apart=_springs(SPRING, OTHER))
+    least, by_volume = (_least(each.plan.design) for each in (by_file, volume))
+    assert least > 1.02 * by_volume
+    # In one file the springs are there together, as elements each is there alone.
+    for results in (by_file, by_elements):
+        assert [power.name for power in results.powers] == [SPRING.name, OTHER.name]
+    stored = _design(tmp_path / "a", tell_apart=_springs(SPRING, OTHER), criterion="maximin")
+    assert stored.powers == by_elements.powers
+    lengths = [power.misfit for power in by_elements.powers]
+    assert lengths != [power.misfit for power in by_file.powers]
+
+
+def test_structure_files_that_are_none_are_refused(tmp_path):
+    robotmodels.save_robot(ROBOT, tmp_path / "same.yaml")
+    fewer = ROBOT.file.model_copy(update={"springs": ROBOT.file.springs[1:]})
+    robotmodels.save_robot(robotmodels.ElasticRobot(fewer, ROBOT.folder), tmp_path / "fewer.yaml")
+    for file, message in {
+        "same.yaml": "no spring that the study's robot has not",
+        "fewer.yaml": "no spring 'g1'",
+        "moberg_axis1": "motors of another robot",
+        "absent.yaml": "absent.yaml: no such file",
+    }.items():
+        with pytest.raises(InvalidInput, match=message):
+            _design(tmp_path, tell_apart=[file])
+
+
 @pytest.mark.parametrize(
     ("design", "message"),
     [
-        ({"robust": {"std": 0.3}}, "robust and tell_apart"),
+        ({"robust": {"std": 0.3}}, "robust and tell_apart: samples are"),
+        ({"criterion": "I", "purpose": {"quantity": "resonances"}}, "predictions are functions"),
         ({"criterion": "Ds", "interest": ["joint9.stiffness"]}, "joint9.stiffness"),
     ],
 )

@@ -1,8 +1,8 @@
 """The section ``design`` of a study file: criterion, limits, and how sure theta is.
 
     design:
-      criterion: D               # or A, E, Ds, As, I
-      interest: [g1.stiffness]   # parameters that Ds and As are about
+      criterion: D               # or A, E, Ds, As, maximin, I
+      interest: [g1.stiffness]   # parameters that Ds, As and maximin are about
       purpose:                   # what I is to predict: its mean relative variance
         quantity: tool_compliance                        # or resonances, damping_ratios
         link: tool0              # of compliance; left out: the last one
@@ -30,6 +30,7 @@
         samples: 8               # of theta
       tell_apart:                # springs as in a robot file, which the data shall show if there
         - {name: b2x, joint: shoulder_lift_joint, axis: x, stiffness: 1.0e+6, damping: 1.0e+3}
+        - structure.yaml         # or a robot file with further springs, which go together
       tolerance: 1.0e-6          # certified gap
       solver: cvxpy              # or newton, which is faster and takes every criterion but E
 
@@ -38,7 +39,8 @@ A robust design holds for samples of theta: the robot file's, and others whose l
 about it with standard deviation `std`: one number, or numbers by parameter or kind, as
 ``{stiffness: 0.2, damping: 0.7}``, or those that the robot file has of guesses or of a fit.
 With springs to tell apart the criterion is about the stiffnesses of these, too, at the values that
-are assumed: D over both, or Ds with interest in them (``[b2x.stiffness]``).
+are assumed: D over both, or with interest in them alone, which Ds, As and maximin have if they name
+nothing else. maximin raises the least information that one of them has.
 """
 
 from typing import Annotated, Literal, Self
@@ -53,6 +55,9 @@ from robotmodels.description.robot_file import Spring
 Deviation = Annotated[float, Field(ge=1e-6, le=10)]
 
 Ranges = Annotated[dict[str, tuple[JointLimit, JointLimit]], Field(min_length=1)]
+
+
+_ABOUT_PARAMETERS = {"robust": "samples are", "purpose": "predictions are functions"}
 
 
 class Moves(MoveChoice):
@@ -99,7 +104,7 @@ class RobustChoice(FileSection):
 class DesignChoice(FileSection):
     """What to maximise and within what limits; see the module."""
 
-    criterion: Literal["D", "A", "E", "Ds", "As", "I"] = "D"
+    criterion: Literal["D", "A", "E", "Ds", "As", "maximin", "I"] = "D"
     interest: tuple[str, ...] = ()
     purpose: PurposeChoice | None = None
     experiments: Count = 15
@@ -111,14 +116,15 @@ class DesignChoice(FileSection):
     forbidden: tuple[Ranges, ...] = ()
     groups: dict[str, GroupChoice] = {}
     robust: RobustChoice | None = None
-    tell_apart: Annotated[tuple[Spring, ...], Field(max_length=64)] = ()
+    tell_apart: Annotated[tuple[Spring | str, ...], Field(max_length=64)] = ()
     tolerance: Annotated[float, Field(ge=1e-12, le=1)] = 1e-6
     solver: Literal["cvxpy", "newton"] = "cvxpy"
 
     @model_validator(mode="after")
     def _interest(self) -> Self:
-        if (self.criterion in ("Ds", "As")) != bool(self.interest):
-            needed = "needs" if self.criterion in ("Ds", "As") else "has no"
+        about = self.criterion in ("Ds", "As", "maximin")
+        if about != bool(self.interest) and not (about and self.tell_apart):
+            needed = "needs" if about else "has no"
             raise ValueError(
                 f"interest: criterion {self.criterion} {needed} parameters of interest"
             )
@@ -126,9 +132,12 @@ class DesignChoice(FileSection):
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Self:
-        for name in ("robust", "purpose"):
+        for name, about in _ABOUT_PARAMETERS.items():
             if getattr(self, name) is not None and self.tell_apart:
-                raise ValueError(f"{name} and tell_apart: a design has one of them; leave one out")
+                raise ValueError(
+                    f"{name} and tell_apart: {about} of the robot's parameters, and springs to "
+                    "tell apart are none of them; leave one out, or put the springs into the robot"
+                )
         return self
 
     @model_validator(mode="after")

@@ -4,7 +4,7 @@ import numpy as np
 
 from estimators import DampingRatios, Quantity, Resonances, ToolCompliance, robot_prior
 from oed.candidates.grids import candidate_at, sobol_positions
-from oed.criteria.criteria import AsCriterion, Criterion, DsCriterion
+from oed.criteria.criteria import AsCriterion, Criterion, DsCriterion, LargestVarianceCriterion
 from oed.criteria.purpose import purpose_criterion
 from oed.criteria.targets import by_name_or_kind
 from oed.design.constraints import Constraints, Group
@@ -17,10 +17,12 @@ from oed.study.settings.design_settings import (
     Ranges,
     RobustChoice,
 )
+from oed.study.stages.assumed_springs import all_assumed
 from robotmodels import ElasticRobot, Frame, tool_frame
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.errors import InvalidInput, NoEquilibrium, naming, nearest
 
+_ABOUT = {"Ds": DsCriterion, "As": AsCriterion, "maximin": LargestVarianceCriterion}
 _DRAWS = 30  # for each sample of theta that is asked for
 _MOST_TRIED = 1000  # candidates in which a sample must hold the robot up
 _SLACK = 1e-9  # [rad] or [m]: ends of ranges belong to them in spite of rounding
@@ -39,9 +41,11 @@ def criterion_of(choice: DesignChoice, robot: ElasticRobot) -> str | Criterion:
         with naming("design.purpose"):
             region = sobol_positions(robot, purpose.positions, purpose.region)
             return purpose_criterion(robot, _quantity(purpose, robot), region)
-    if choice.criterion == "Ds":
-        return DsCriterion(choice.interest)
-    return AsCriterion(choice.interest) if choice.criterion == "As" else choice.criterion
+    kind = _ABOUT.get(choice.criterion)
+    if kind is None:
+        return choice.criterion
+    springs = [] if choice.interest else all_assumed(choice, robot)
+    return kind(choice.interest or tuple(f"{spring.name}.stiffness" for spring in springs))
 
 
 def _quantity(purpose: PurposeChoice, robot: ElasticRobot) -> Quantity:

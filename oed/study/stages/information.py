@@ -17,6 +17,7 @@ from oed.information_sets.compute import information as compute_information
 from oed.information_sets.information_set import InformationSet
 from oed.information_sets.stored_information import StoredInformation
 from oed.study.stage_cache import Files, Stage
+from oed.study.stages.assumed_springs import all_assumed
 from oed.study.stages.data import Data
 from oed.study.stages.design_inputs import parameter_samples
 from oed.study.stages.run import MeasuredRun, SimulatedRun
@@ -73,9 +74,9 @@ def structure_information(
     InvalidInput
         If the robot cannot have such a spring.
     """
-    springs = run.study.design.tell_apart
-    if not springs:
+    if not run.study.design.tell_apart:
         return None
+    springs = all_assumed(run.study.design, run.robot)
     with naming("design.tell_apart"):
         robot = with_springs(run.robot, springs, free=True)
     choice, dampers = robot.file.parameters, [f"{spring.name}.damping" for spring in springs]
@@ -117,7 +118,7 @@ def _information(
 
 def _springs(run: SimulatedRun) -> list[dict[str, object]]:
     """Return the springs that a design is to tell apart."""
-    return [spring.model_dump(mode="json") for spring in run.study.design.tell_apart]
+    return [spring.model_dump(mode="json") for spring in all_assumed(run.study.design, run.robot)]
 
 
 @contextmanager
