@@ -1,20 +1,20 @@
 """The probability that data will show springs, and tell where they are, before measuring.
 
-With d_0 the change of the whitened data by a model without the spring, fitted to data without
-noise, and d_j that by one with rival j instead, regressors are g_0 = d_0/|d_0|, and of rivals
-g_j = (d_0 - d_j)/|d_0 - d_j|. The test is of size z + g_0'e, e the noise, and rival j fits worse if
+Of data without noise a model with rival j in the spring's place, refitted, leaves d_j of the
+whitened data. In data with noise e the fits of both move along their tangents, P the projections:
 
-    (g_0 - g_j)'e / |g_0 - g_j| > -sqrt(lambda_j / (2 + 2 g_0'g_j)),  lambda_j = |d_j|^2,
+    chi^2_j - chi^2 = |d_j|^2 + 2 d_j'e - |P_j e|^2 + |P e|^2
 
-which is exact where one linear step is. All hold together by one normal law.
+All rivals together lose, and the test fires, in a share of draws of e. The largest part is
+2 d_j'e, so that one rival loses with Phi(|d_j|/2); the last two count where d_j is small.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import orth
 from scipy.special import ndtr, ndtri
-from scipy.stats import multivariate_normal
 
 from estimators.fitting.fitted_model import FittedModel
 from estimators.fitting.least_squares import Fit, as_fit
@@ -32,8 +32,11 @@ from robotmodels.linear.response import frequency_response
 _RIVALS = 4 * SHORTLIST
 """Rivals of one spring that are refitted."""
 
-_CERTAIN = 7.0
-"""Standard deviations from which on an event counts as certain."""
+_CERTAIN = 150.0
+"""Squared misfit from which on no noise makes a rival the better one."""
+
+_DRAWS = 10_000
+"""Draws of the noise."""
 
 
 @dataclass(frozen=True)
@@ -119,17 +122,20 @@ def _power(
     misfit, count = max(trial.rise, 0.0), trial.table.independent
     size = min(float(np.sqrt(misfit)), _size(trial.score, count))
     shows = size + float(ndtri(level / count))
-    rivals = np.maximum(list(trial.misfits.values()), 0.0)
-    changes = [_change(each) for each in trial.rivals.values()]
-    margins, correlation = rivalry(_change(trial.fit), changes, rivals)
     detection = float(ndtr(shows))
+    near = [trial.rivals[name] for name, each in trial.misfits.items() if each < _CERTAIN]
+    change = _whitened(trial.fit)[0]
+    unit = np.sqrt(misfit / max(float(change @ change), 1e-300))
+    parts = [(unit * remainder, tangents) for remainder, tangents in map(_whitened, near)]
     return StructurePower(
         spring.name,
         misfit,
-        float(min(rivals, default=np.inf)),
+        max(min(trial.misfits.values(), default=np.inf), 0.0),
         tuple(name for name, each in trial.misfits.items() if each < TOLD_APART),
         detection,
-        min(all_above(np.array([shows, *margins]), correlation), detection),
+        detection
+        if not near
+        else min(detection, share_of_right(shows, change, _whitened(exact)[1], parts)),
     )
 
 
@@ -138,50 +144,42 @@ def _size(score: Score | None, independent: float) -> float:
     return -np.inf if score is None else float(-ndtri(score.probability / independent))
 
 
-def _change(fit: FittedModel) -> Array:
-    """Return the residuals of a fit to data without noise, whitened and real, (r,)."""
-    white = fit.problem.residuals(fit.parameters.values)[0].ravel()
-    return np.concatenate([white.real, white.imag])
+def _whitened(fit: FittedModel) -> tuple[Array, Array]:
+    """Return whitened residuals (r,) of a fit and tangents (r, p) of its model, as real numbers."""
+    residuals, slopes = fit.problem.residuals(fit.parameters.values)
+    columns = np.hstack([residuals.reshape(-1, 1), slopes.reshape(-1, slopes.shape[-1])])
+    parts = np.concatenate([columns.real, columns.imag])
+    return parts[:, 0], parts[:, 1:]
 
 
-def rivalry(change: Array, by_rivals: Sequence[Array], misfits: Array) -> tuple[Array, Array]:
-    """Return margins (j,) of rivals, and correlations (1 + j, 1 + j) of the test and of them.
+def share_of_right(
+    margin: float, change: Array, tangents: Array, rivals: Sequence[tuple[Array, Array]]
+) -> float:
+    """Return the share of draws in which the score test fires and no rival fits better.
 
     Parameters
     ----------
+    margin : float
+        Of the test above its limit, in standard deviations.
     change : ndarray, (r,)
-        Residuals d_0 without the spring.
-    by_rivals : sequence of ndarray, (r,)
-        Residuals d_j with rivals in its place.
-    misfits : ndarray, (j,)
-        Squared misfits lambda_j.
+        What the model without the spring leaves of the data: direction of the test.
+    tangents : ndarray, (r, p)
+        Of the right model.
+    rivals : sequence of pairs of ndarray, (r,) and (r, p)
+        What each rival leaves, in standard deviations of the noise, and its tangents.
     """
-    missing = _unit(change)
-    regressors = np.reshape([_unit(change - each) for each in by_rivals], (-1, len(change)))
-    directions = np.stack([missing, *(_unit(missing - each) for each in regressors)])
-    return np.sqrt(misfits / (2 + 2 * regressors @ missing)), directions @ directions.T
-
-
-def _unit(vector: Array) -> Array:
-    return np.asarray(vector / max(float(np.linalg.norm(vector)), 1e-300))
-
-
-def all_above(margins: Array, correlation: Array) -> float:
-    """Return the probability that standard normal n_j > -margins_j, (r,), for all of them.
-
-    Parameters
-    ----------
-    margins : ndarray, (r,)
-        Margins.
-    correlation : ndarray, (r, r)
-        Of the n_j.
-    """
-    near = margins < _CERTAIN
-    correlation = correlation + np.diag(1 - np.diag(correlation))  # 0 of a rival like the spring
-    if not near.any():
-        return 1.0
-    law = multivariate_normal(cov=correlation[np.ix_(near, near)], allow_singular=True, seed=0)
-    return float(np.clip(law.cdf(margins[near]), 0.0, 1.0))
+    parts = [change[:, None] / np.linalg.norm(change), orth(tangents)]
+    for remainder, slopes in rivals:
+        parts += [remainder[:, None], orth(slopes)]
+    factor = np.linalg.qr(np.hstack(parts), mode="r")
+    draws = np.random.default_rng(0).standard_normal((_DRAWS, len(factor))) @ factor
+    ends = np.cumsum([part.shape[1] for part in parts])[:-1]
+    test, right, *others = np.split(draws, ends, axis=1)
+    fires = test[:, 0] > -margin
+    for (remainder, _), linear, moved in zip(rivals, others[::2], others[1::2], strict=True):
+        gain = np.square(right).sum(axis=1) - np.square(moved).sum(axis=1)
+        fires &= remainder @ remainder + 2 * linear[:, 0] + gain > 0
+    return float(fires.mean())
 
 
 def _without_noise(fit: FittedModel, springs: Sequence[Spring]) -> FittedModel:

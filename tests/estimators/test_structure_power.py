@@ -4,38 +4,45 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from estimators.structure.power import all_above, rivalry
+from estimators.structure.power import share_of_right
+
+DATA = 40
 
 
-def _rivals(count, spread, rng):
-    """Unit vectors of length 40: the right spring's regressor, and rivals close to it."""
-    right = np.eye(40)[0]
-    rivals = right + spread * rng.standard_normal((count, 40))
-    return right, rivals / np.linalg.norm(rivals, axis=1)[:, None]
+def _models(count, spread, rng):
+    """Columns of a right model, two of them of the spring, and of rivals close to it."""
+    shared, spring = rng.standard_normal((DATA, 3)), rng.standard_normal((DATA, 2))
+    others = [spring + spread * rng.standard_normal((DATA, 2)) for _ in range(count)]
+    return shared, np.hstack([shared, spring]), [np.hstack([shared, each]) for each in others]
 
 
-def test_rivals_win_as_often_as_in_drawn_noise():
+def _off(columns, values):
+    """Values (.., r) less their fit by columns."""
+    return values - values @ np.linalg.pinv(columns.T) @ columns.T
+
+
+@pytest.mark.parametrize(("size", "spread"), [(1.5, 0.1), (4.0, 0.1), (8.0, 0.3)])
+def test_rivals_win_as_often_as_in_refits_of_drawn_data(size, spread):
     rng = np.random.default_rng(4)
-    right, rivals = _rivals(5, 0.05, rng)
-    size, limit = 5.0, 3.5
-    noise = rng.standard_normal((40_000, 40))
-    test, others = size + noise @ right, size * rivals @ right + noise @ rivals.T
-    hits = (test > limit) & (test > others.max(axis=1))
-    by_rivals = size * (right - (rivals @ right)[:, None] * rivals)
-    misfits = np.square(by_rivals).sum(axis=1)
-    margins, correlation = rivalry(size * right, list(by_rivals), misfits)
-    predicted = all_above(np.append(size - limit, margins), correlation)
-    assert predicted == pytest.approx(hits.mean(), abs=0.01)
+    shared, right, rivals = _models(5, spread, rng)
+    signal = right[:, 3]
+    change = _off(shared, signal)
+    change *= (size + 3.5) / np.linalg.norm(change)
+    data = change + rng.standard_normal((40_000, DATA))
+    misfits = [np.square(_off(each, data)).sum(axis=1) for each in (right, *rivals)]
+    test = data @ change / np.linalg.norm(change)
+    hits = (test > 3.5) & (misfits[0] < np.min(misfits[1:], axis=0))
+    remainders = [_off(each, change) for each in rivals]
+    predicted = share_of_right(size, change, right, list(zip(remainders, rivals, strict=True)))
+    assert predicted == pytest.approx(hits.mean(), abs=0.015)
     # The best rival alone promises too much.
-    assert ndtr(size - limit) * ndtr(margins.min()) > predicted + 0.1
+    nearest = min(np.linalg.norm(each) for each in remainders)
+    assert ndtr(size) * ndtr(nearest / 2) > predicted + 0.05
 
 
-@pytest.mark.parametrize(("correlation", "expected"), [(0.0, ndtr(1.0) ** 3), (1.0, ndtr(1.0))])
-def test_independent_and_equal_rivals_have_closed_forms(correlation, expected):
-    matrix = np.full((3, 3), correlation) + (1 - correlation) * np.eye(3)
-    assert all_above(np.full(3, 1.0), matrix) == pytest.approx(expected, abs=1e-4)
-
-
-def test_margins_that_noise_does_not_reach_are_certain():
-    assert all_above(np.array([40.0, np.inf]), np.eye(2)) == 1.0
-    assert all_above(np.array([0.5, 40.0]), np.eye(2)) == pytest.approx(ndtr(0.5), abs=1e-12)
+def test_one_rival_and_the_test_have_closed_forms():
+    line, other = np.eye(DATA)[:, :1], np.eye(DATA)[:, 1:2]
+    far = [(30.0 * other[:, 0], line)]
+    assert share_of_right(0.5, line[:, 0], line, far) == pytest.approx(ndtr(0.5), abs=0.015)
+    near = [(1.2 * other[:, 0], line)]
+    assert share_of_right(9.0, line[:, 0], line, near) == pytest.approx(ndtr(0.6), abs=0.015)
