@@ -21,6 +21,7 @@ from estimators import choose_structure, fit, simulate_frf, structure_power
 from robotmodels import (
     IdentificationError,
     RelativeNoise,
+    frequency_response,
     load_robot,
     possible_springs,
     with_springs,
@@ -51,8 +52,9 @@ def run(seed: int, stiffest: float) -> dict[str, object]:
     estimate = replace(estimate, covariance=NOISE.variance(estimate.response))
     start = robot.parameters.values * 2.0 ** rng.uniform(-1, 1, len(robot.parameters))
     base = fit(robot, estimate, "nls", "optimal", start)
-    at_truth = fit(robot, estimate, "nls", "optimal", max_evaluations=1)
-    powers = structure_power(at_truth, hidden, elements, level=LEVEL)
+    without = frequency_response(robot, positions, omega)
+    plan = fit(robot, replace(estimate, response=without), "nls", "optimal", max_evaluations=1)
+    powers = structure_power(plan, hidden, elements, level=LEVEL)
     choice = choose_structure(base, elements, level=LEVEL, most=5)
     names = {spring.name for spring in hidden}
     twins = {p.name: set(p.twins) | set(choice.twins.get(p.name, ())) for p in powers}
