@@ -1,7 +1,7 @@
 """Fast searches by compiled normal equations, about fixed or renewed equilibria."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -22,7 +22,8 @@ from robotmodels.linear.response import HasEquilibriumDerivatives
 from robotmodels.linear.spring_network import SpringNetwork
 
 if TYPE_CHECKING:
-    from robotmodels.kernel import FitKernel
+    from estimators.fitting.frf_problem import FrfProblem
+    from robotmodels.kernel import CostKernel, FitKernel
 
 
 # Largest change of ln theta over which `EquilibriumShift.gradient` is carried: an error of a
@@ -310,6 +311,13 @@ def cost_kernel(problem: FitProblem, network: SpringNetwork) -> "FitKernel":
     kernel = problem.kernel(network)
     _PREPARED[problem] = kernel
     return kernel
+
+
+def share_kernel(problem: "FrfProblem", prepared: "FrfProblem") -> None:
+    """Let a problem use what was prepared for another of the same model, positions and lines."""
+    kernel = cast("CostKernel | None", _PREPARED.get(prepared))
+    if kernel is not None:
+        _PREPARED[problem] = kernel.of_data(problem.data.response, np.asarray(problem.weights))
 
 
 def _reachable(

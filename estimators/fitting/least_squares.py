@@ -17,7 +17,7 @@ from estimators.fitting.run_fit import RunFit
 from estimators.fitting.run_problem import RunProblem, run_problem
 from estimators.fitting.search import check_effort, search
 from estimators.fitting.start_values import named_start
-from estimators.fitting.trust_region import SearchResult
+from estimators.fitting.trust_region import Minimiser, SearchResult, trust_region
 from estimators.fitting.weight_choice import evaluate_weights
 from estimators.frf.frf_estimate import FrfEstimate
 from estimators.frf.rigid_body_check import RigidLimit, rigid_limit
@@ -195,8 +195,18 @@ def fit(
         if not isinstance(problem, FrfProblem):
             raise InvalidInput(f"start: {start!r} needs FRFs; give parameter values with runs")
         start = np.clip(named_start(start, model, problem.data), *problem.bounds)
-    begin = problem.checked_start(start)
-    first = as_fit(problem, begin, search(problem, begin, max_evaluations, tolerance))
+    return solved(problem, problem.checked_start(start), max_evaluations, tolerance)
+
+
+def solved(
+    problem: FitProblem,
+    start: Array,
+    max_evaluations: int = 200,
+    tolerance: float = 1e-10,
+    minimise: Minimiser = trust_region,
+) -> Fit | RunFit:
+    """Return the fit of a problem from a start (p,), as `fit` does."""
+    first = as_fit(problem, start, search(problem, start, max_evaluations, tolerance, minimise))
     if isinstance(first, RunFit) or not (first.weights_follow and first.converged):
         return first
     return reweighted(first, first.weighting, rounds=1, tolerance=tolerance)

@@ -4,6 +4,7 @@ import numpy as np
 
 from estimators.fitting.fit_problem import FitProblem
 from estimators.fitting.fixed_equilibrium_search import (
+    CorrectedModel,
     can_compile,
     frozen_search,
     hardens,
@@ -19,6 +20,7 @@ from estimators.fitting.trust_region import (
 )
 from robotmodels.common.arrays import Array, check_count
 from robotmodels.common.errors import IdentificationError, InvalidInput
+from robotmodels.linear.derived_models import FixedEquilibriumModel
 
 MINIMISERS: dict[str, Minimiser] = {"trust_region": trust_region, "quasi_newton": quasi_newton}
 
@@ -55,6 +57,9 @@ def search(
     network = problem.model.network(problem.positions, start)
     if not can_compile(problem, network):
         return exact_search(problem, start, max_evaluations, tolerance, minimise)
+    if isinstance(problem.model, FixedEquilibriumModel):
+        objective = CorrectedModel(problem, problem.model.fixed, None)
+        return minimise(problem, objective, start, max_evaluations, tolerance)
     if hardens(network):
         return renewed_search(problem, start, max_evaluations, tolerance, minimise)
     return frozen_search(problem, start, network, max_evaluations, tolerance, minimise)

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -76,8 +75,10 @@ class RunStore:
                 file.create_dataset(name, data=np.stack(rows))
 
 
-# Runs between two writes.
+# Fewest runs between two writes, and tasks into which a series is parted: the runs of one prepare
+# together what does not depend on the data.
 CHUNK = 20
+TASKS = 32
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,7 +236,7 @@ def monte_carlo(
         HDF5 file that keeps the runs; an interrupted series goes on from it. It knows an experiment
         by what that gives first.
     executor : Executor, optional
-        Takes one run at a time; in sequence where None.
+        Takes shares of the runs; in sequence where None.
     progress : Progress, optional
         Called with the runs done and their number.
 
@@ -280,12 +281,19 @@ def _results(
 ) -> list[Run]:
     """Return the result of each run, those of the checkpoint first."""
     results: list[Run] = [] if checkpoint is None else checkpoint.load()[: len(seeds)]
-    while len(results) < len(seeds):
-        tasks = [int(s) for s in seeds[len(results) : len(results) + CHUNK]]
-        one = partial(RunSettings.run, settings)
-        results += map(one, tasks) if executor is None else executor.map(one, tasks)
-        if checkpoint is not None:
+    size = max(1, -(-len(seeds) // TASKS))
+    tasks = [seeds[k : k + size].tolist() for k in range(len(results), len(seeds), size)]
+    shares = (
+        map(settings.several, tasks) if executor is None else executor.map(settings.several, tasks)
+    )
+    stored = len(results)
+    for share in shares:
+        results += share
+        if checkpoint is not None and (
+            len(results) >= stored + CHUNK or len(results) == len(seeds)
+        ):
             checkpoint.save(results)
+            stored = len(results)
         if progress is not None:
             progress(len(results), len(seeds))
     return results

@@ -1,6 +1,6 @@
 """One simulated experiment, its fit, and the interval of each method."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -8,7 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.fitting.least_squares import Fit, fit
+from estimators.fitting.fit_problem import FitProblem
+from estimators.fitting.fixed_equilibrium_search import share_kernel
+from estimators.fitting.frf_problem import FrfProblem
+from estimators.fitting.gauss_newton import gauss_newton
+from estimators.fitting.least_squares import Fit, fit_problem, solved
+from estimators.fitting.run_fit import RunFit
 from estimators.frf.frf_estimate import FrfEstimate, noisy_frf
 from estimators.uncertainty.covariance import METHODS, covariance
 from robotmodels.common.arrays import Array, ComplexArray, IntArray
@@ -67,19 +72,33 @@ class RunSettings:
     level: float
     noise: str
 
-    def run(self, seed: int) -> "dict[str, Array] | str":
-        """Return the arrays of one run, or the reason why there are none."""
-        rng = np.random.default_rng(seed)
+    def several(self, seeds: Sequence[int]) -> "list[dict[str, Array] | str]":
+        """Return the arrays of each run, or the reason why there are none."""
+        results: list[dict[str, Array] | str] = []
+        prepared: FrfProblem | None = None
+        for seed in seeds:
+            rng = np.random.default_rng(seed)
+            try:
+                problem = fit_problem(self.model, self.experiment(rng), self.residual, self.weights)
+                if isinstance(problem, FrfProblem):
+                    if prepared is not None and _alike(problem, prepared):
+                        share_kernel(problem, prepared)
+                    prepared = problem
+                results.append(self._arrays(problem, rng))
+            except (IdentificationError, np.linalg.LinAlgError) as error:
+                results.append(str(error))
+        return results
+
+    def _arrays(self, problem: FitProblem, rng: np.random.Generator) -> "dict[str, Array] | str":
+        """Return the arrays of the run with that problem, or why its search did not converge."""
         p = len(self.model.parameters)
-        try:
-            fitted = fit(self.model, self.experiment(rng), self.residual, self.weights)
-            if not fitted.converged:
-                return f"not converged: {fitted.message}"
-            stds, ends = np.empty((len(self.methods), p)), np.empty((len(self.methods), p, 2))
-            for i, method in enumerate(self.methods):
-                stds[i], ends[i] = intervals_of(fitted, method, self.level, rng, noise=self.noise)
-        except (IdentificationError, np.linalg.LinAlgError) as error:
-            return str(error)
+        start = problem.checked_start(None)
+        fitted = solved(problem, start, minimise=gauss_newton)
+        if not fitted.converged:
+            return f"not converged: {fitted.message}"
+        stds, ends = np.empty((len(self.methods), p)), np.empty((len(self.methods), p, 2))
+        for i, method in enumerate(self.methods):
+            stds[i], ends[i] = intervals_of(fitted, method, self.level, rng, noise=self.noise)
         return {
             "estimates": np.log(fitted.parameters.values),
             "stds": stds,
@@ -88,13 +107,18 @@ class RunSettings:
         }
 
 
+def _alike(problem: FrfProblem, other: FrfProblem) -> bool:
+    """Whether two problems are of the same positions and lines."""
+    return all(map(np.array_equal, *((one.positions, one.omega) for one in (problem, other))))
+
+
 INTERVAL_METHODS = ("recommended", *METHODS, "posterior", "profile")
 # Of the posterior's draws: an interval's ends to about a twentieth of a standard deviation.
 DRAWS, ESS = 4000, 1000.0
 
 
 def intervals_of(
-    fit: Fit,
+    fit: Fit | RunFit,
     method: str,
     level: float,
     rng: np.random.Generator,
@@ -105,7 +129,7 @@ def intervals_of(
 
     Parameters
     ----------
-    fit : Fit
+    fit : Fit or RunFit
         Fit whose parameters.
     method : str
         "recommended", "theorem1", "scaled", "empirical", "posterior" or "profile".
@@ -148,7 +172,9 @@ def intervals_of(
     )
 
 
-def _posterior(fit: Fit, level: float, rng: np.random.Generator, noise: str) -> tuple[Array, Array]:
+def _posterior(
+    fit: Fit | RunFit, level: float, rng: np.random.Generator, noise: str
+) -> tuple[Array, Array]:
     from estimators.sampling.importance_sampling import importance_sample
 
     sample = importance_sample(fit, rng=rng, draws=DRAWS, noise=noise)

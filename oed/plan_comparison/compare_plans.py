@@ -74,7 +74,7 @@ def compare_plans(
     criterion : str or Criterion
         Criterion by which plans are compared.
     executor : Executor, optional
-        Takes one run at a time; in sequence where None.
+        Takes shares of the runs; in sequence where None.
     progress : Progress, optional
         Called with the runs done and their number.
     store : str or Path, optional

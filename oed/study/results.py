@@ -77,6 +77,10 @@ class PlannedStudy:
         """Return the results with more failures."""
         return replace(self, run=replace(self.run, failures=self.run.failures + failures))
 
+    def as_loaded(self) -> Self:
+        """Return the results as they are when all stages are loaded."""
+        return replace(self, run=replace(self.run, loaded=tuple(self.run.seconds)))
+
 
 @dataclass(frozen=True, eq=False)
 class FittedStudy(PlannedStudy):

@@ -8,7 +8,7 @@ import typer
 
 from reports.commands.chain_study import compute_chain_study
 from reports.commands.deflection_study import compute_deflection_study
-from reports.commands.options import WORKERS, AsJson, Workers, say
+from reports.commands.options import WORKERS, AsJson, Workers, say, warn
 from reports.commands.replicate import write_replication
 from reports.commands.studies import (
     Cluster,
@@ -16,11 +16,16 @@ from reports.commands.studies import (
     StudyFile,
     compute_study,
     end_with_failures,
+    study_content,
     study_kind,
+    warnings_to,
 )
 from reports.commands.visit_study import compute_visit_study
+from robotmodels.common.printing import printable
 
 if TYPE_CHECKING:
+    from oed.study.last_run import Answer, LastRun
+    from oed.study.results import StudyResults
     from oed.study.stage_cache import Failure
 
 
@@ -57,19 +62,60 @@ def run(
     if whole is not None:
         whole(study, as_json)
         return
+    last = last_run(study)
+    answer = None if fresh or last is None else last.recall()
+    if answer is not None:
+        warn(answer.warnings)
+        typer.echo(printable(answer.document if as_json else answer.text))
+        return
+    warnings: list[str] = []
+    with warnings_to(warnings.append):
+        results = _computed(study, workers, cluster, fresh)
+    from reports.summaries.study_summary import study_json, study_summary
+
+    written = [results.study.output / "report.html"]
+    say(lambda: study_summary(results, written), lambda: study_json(results, written), as_json)
+    end_with_failures(study, results)
+    if last is not None:
+        last.remember(results, _next_answer(results, written, warnings))
+
+
+def last_run(study: Path) -> "LastRun | None":
+    """Return the last run of a study; None where its file does not say where that lies."""
+    from oed.study.last_run import LastRun
+    from robotmodels.common.file_paths import output_folder
+
+    output = study_content(study).get("output")
+    if not isinstance(output, str):
+        return None
+    return LastRun(_command(study), study, output_folder(study, Path(output)))
+
+
+def _command(study: Path) -> str:
+    return f"oed run {shlex.quote(str(study))}"
+
+
+def _computed(study: Path, workers: int, cluster: str | None, fresh: bool) -> "StudyResults":
+    """Return the results of a study, its files and pages written."""
     # Imported here: `oed --help` need not wait for the numerics.
     from oed.study.pipeline import run_study
     from reports.pages.study_page import write_report
-    from reports.summaries.study_summary import study_json, study_summary
 
     def pages(results: Any, folder: Path, progress: Any) -> "tuple[Failure, ...]":
-        return write_report(
-            results, folder / "report.html", progress, f"oed run {shlex.quote(str(study))}"
-        )
+        return write_report(results, folder / "report.html", progress, _command(study))
 
     results = compute_study(study, run_study, workers, fresh, pages, cluster=cluster)
     if results.study.compare_with is not None:
         results = write_replication(study, results, workers, fresh, cluster)
-    written = [results.study.output / "report.html"]
-    say(lambda: study_summary(results, written), lambda: study_json(results, written), as_json)
-    end_with_failures(study, results)
+    return results
+
+
+def _next_answer(results: "StudyResults", written: list[Path], warnings: list[str]) -> "Answer":
+    """Return what the same command says while nothing changes."""
+    from oed.study.last_run import Answer
+    from reports.summaries.study_summary import study_json, study_summary
+    from robotmodels.common.plain_data import json_text
+
+    loaded = results.as_loaded()
+    document = json_text(study_json(loaded, written))
+    return Answer(study_summary(loaded, written), document, tuple(warnings))

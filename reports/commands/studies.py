@@ -55,10 +55,10 @@ def _told_when_interrupted() -> Iterator[None]:
 
 
 @contextmanager
-def _warnings_told() -> Iterator[None]:
-    """Print what the stages of a study warn of, when they do."""
+def warnings_to(take: Callable[[str], object]) -> Iterator[None]:
+    """Hand over what the stages of a study warn of, when they do."""
     handler, logger = logging.Handler(logging.WARNING), logging.getLogger("oed")
-    handler.emit = lambda record: warn([record.getMessage()])  # type: ignore[method-assign]
+    handler.emit = lambda record: take(record.getMessage())  # type: ignore[method-assign,assignment]
     logger.addHandler(handler)
     try:
         yield
@@ -75,12 +75,24 @@ def working(
 
     with (
         _told_when_interrupted(),
-        _warnings_told(),
+        warnings_to(lambda warning: warn([warning])),
         about(study),
         progress_bars() as bars,
         shared(workers, cluster) as executor,
     ):
         yield stopping_at_steps(bars), executor
+
+
+def study_content(study: Path) -> dict[str, Any]:
+    """Return what stands in a file, unchecked: nothing of one that cannot be read."""
+    from robotmodels.common.yaml_files import MOST_CHARACTERS, read_text, yaml_document
+
+    try:
+        text = read_text(study, MOST_CHARACTERS, "a study")
+        content = yaml_document(text, str(study), "a study").content
+    except IdentificationError:
+        return {}
+    return content if isinstance(content, dict) else {}
 
 
 def study_kind(study: Path) -> str:
@@ -89,15 +101,8 @@ def study_kind(study: Path) -> str:
     It is "robot" for a file that cannot be read; the reader of studies names its error.
     """
     from oed.study.settings.deflection_settings import is_deflection_study
-    from robotmodels.common.yaml_files import MOST_CHARACTERS, read_text, yaml_document
 
-    try:
-        text = read_text(study, MOST_CHARACTERS, "a study")
-        content = yaml_document(text, str(study), "a study").content
-    except IdentificationError:
-        return "robot"
-    if not isinstance(content, dict):
-        return "robot"
+    content = study_content(study)
     if str(content.get("schema")).startswith("chain_study"):
         return "chains"
     design = content.get("design")

@@ -82,6 +82,13 @@ def is_plain_urdf(source: ModelSource) -> bool:
     return root.tag == "robot" and not has_macros(root) and path.suffix.lower() != ".xacro"
 
 
+def files_of(model: ModelFile) -> set[Path]:
+    """Return a model file and those that it includes, as far as they are part of its URDF."""
+    read_model(model)
+    stamps, _ = _remembered.get(model, ({}, ""))
+    return {model.path, *stamps}
+
+
 def gravity_of(source: ModelSource) -> tuple[float, float, float]:
     """Return gravity in a model file [m/s^2]; that of the earth where it says nothing."""
     words = read_model(source).attrib.get("gravity", "0 0 -9.81").split()

@@ -112,9 +112,32 @@ class CostKernel:
                 f"network: mass matrices of shape {network.mass.shape}; the same positions and "
                 f"coordinates are needed as before, {self.network.mass.shape}"
             )
+        if network is self.network:
+            return self
+        other = self._copy()
+        other._set(network)
+        return other
+
+    def of_data(self, measured: ComplexArray, weights: Array) -> Self:
+        """Return the kernel of other data about the same equilibria, whose matrices stay.
+
+        Raises
+        ------
+        InvalidInput
+            As a new one.
+        """
+        other = self._copy()
+        made_of = self.network, self._omega, measured, weights, self.residual
+        other._measured, other._weights = _checked(*made_of)
+        if self._plan is not None:
+            w, targets, other._constant = other._targets = other._prepared()
+            other._cells = w, *self._cells[1:3], targets
+            other._at = Cells(*(address(a) for a in other._cells))
+        return other
+
+    def _copy(self) -> Self:
         other = type(self).__new__(type(self))
         other.__dict__.update(self.__dict__)
-        other._set(network)
         return other
 
     def _set(self, network: SpringNetwork) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from conftest import STUDY, oed, write_study
 
-FILES = {"design.json", "fit.json", "uncertainty.json", "report.html", "stages"}
+FILES = {"design.json", "fit.json", "uncertainty.json", "report.html", "stages", ".last-run.json"}
 STAGES = {
     "candidates",
     "information",

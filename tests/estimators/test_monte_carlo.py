@@ -131,7 +131,8 @@ def test_an_interrupted_series_goes_on_as_if_nothing_had_happened(tmp_path):
             executor=executor,
             progress=lambda done, total: told.append((done, total)),
         )
-    assert told == [(40, 45), (45, 45)]
+    assert told[0] == (22, 45)
+    assert told[-1] == (45, 45)
     assert (resumed.estimates == whole.estimates).all()
     assert (resumed.intervals == whole.intervals).all()
     counted = Stops(10)

@@ -1,0 +1,118 @@
+"""Full Gauss-Newton steps against the search in a trust region, which is their judge."""
+
+import numpy as np
+import pytest
+from test_least_squares import MODEL, TRUTH, noisy
+
+from estimators import FrfExperiment, simulate_frf
+from estimators.fitting.fixed_equilibrium_search import can_compile, cost_kernel
+from estimators.fitting.frf_problem import frf_problem
+from estimators.fitting.gauss_newton import gauss_newton
+from estimators.fitting.search import search
+from estimators.fitting.trust_region import exact_search, trust_region
+from estimators.validation.simulated_experiment import RunSettings
+from robotmodels import InvalidInput, RelativeNoise, load_robot
+from robotmodels.linear.derived_models import with_fixed_equilibria
+
+NOISE = RelativeNoise(0.03, 0.01)
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return load_robot("ur10")
+
+
+@pytest.fixture(scope="module")
+def estimate(robot):
+    """FRFs that are enough for compiled code."""
+    rng = np.random.default_rng(0)
+    low, high = robot.position_limits.T
+    positions = low + (high - low) * rng.uniform(0.2, 0.8, (5, len(low)))
+    return simulate_frf(robot, positions, 2 * np.pi * np.geomspace(3.0, 60.0, 20), NOISE, rng)
+
+
+def standard_deviations(problem, values):
+    _, slope = problem.evaluate(values)
+    return np.sqrt(np.diagonal(np.linalg.inv(slope.T @ slope)))
+
+
+@pytest.mark.parametrize("residual", ["nls", "lls", "lls_magnitude"])
+def test_from_the_truth_it_ends_where_a_trust_region_does(residual):
+    for seed in range(4):
+        problem = frf_problem(MODEL, noisy(seed), residual, "optimal")
+        expected = exact_search(problem, TRUTH, 200, 1e-12)
+        outcome = exact_search(problem, TRUTH, 200, 1e-10, gauss_newton)
+        apart = np.log(outcome.values / expected.values) / standard_deviations(problem, TRUTH)
+        assert np.abs(apart).max() < 1e-4
+        assert outcome.cost == pytest.approx(expected.cost, rel=1e-9)
+        assert outcome.status > 0
+        assert outcome.evaluations <= 4
+
+
+def test_fixed_equilibria_are_searched_once(robot, estimate):
+    model = with_fixed_equilibria(robot, estimate.positions)
+    problem = frf_problem(model, estimate, "nls", "optimal")
+    assert can_compile(problem, model.fixed)
+    truth = robot.parameters.values
+    exact = exact_search(problem, truth, 200, 1e-12)
+    std = standard_deviations(problem, truth)
+    evaluations = []
+    for minimise in (trust_region, gauss_newton):
+        outcome = search(problem, truth, 200, 1e-10, minimise)
+        assert np.abs(np.log(outcome.values / exact.values) / std).max() < 1e-3
+        assert outcome.cost == pytest.approx(exact.cost, rel=1e-9)
+        evaluations.append(outcome.evaluations)
+    assert evaluations[1] < evaluations[0]
+
+
+@pytest.mark.parametrize("factor", [3.0, 0.2])
+def test_a_trust_region_goes_on_from_far_starts(factor):
+    problem = frf_problem(MODEL, noisy(), "nls", "optimal")
+    start = TRUTH * factor ** np.array([1, -1, 1, -1, 1, -1])
+    expected = exact_search(problem, start, 200, 1e-10)
+    outcome = exact_search(problem, start, 200, 1e-10, gauss_newton)
+    assert outcome.cost == pytest.approx(expected.cost, rel=1e-8)
+
+
+def test_bounds_hold():
+    bounds = np.array([TRUTH * 0.999, TRUTH * 1.001])
+    bounds[0, 0], bounds[1, 0] = TRUTH[0] * 1.05, TRUTH[0] * 1.2
+    problem = frf_problem(MODEL, noisy(), "nls", "optimal", bounds)
+    start = np.sqrt(bounds[0] * bounds[1])
+    expected = exact_search(problem, start, 200, 1e-10)
+    outcome = exact_search(problem, start, 200, 1e-10, gauss_newton)
+    assert outcome.values == pytest.approx(expected.values, rel=1e-6)
+    assert outcome.values[0] == pytest.approx(bounds[0, 0], rel=1e-6)
+
+
+def test_few_evaluations_end_it():
+    problem = frf_problem(MODEL, noisy(), "nls", "optimal")
+    outcome = exact_search(problem, 1.5 * TRUTH, 2, 1e-10, gauss_newton)
+    assert outcome.status == 0
+
+
+def test_runs_that_share_a_kernel_give_the_same_bits(robot, estimate):
+    model = with_fixed_equilibria(robot, estimate.positions)
+    experiment = FrfExperiment(model, estimate.positions, estimate.omega, NOISE)
+    settings = RunSettings(experiment, model, "nls", "optimal", (), 0.95, "known")
+    together = settings.several(range(3))
+    for seed, run in enumerate(together):
+        (alone,) = settings.several([seed])
+        assert (alone["estimates"] == run["estimates"]).all()
+        assert alone["costs"] == run["costs"]
+
+
+def test_a_kernel_of_other_data_is_that_of_a_new_one(robot, estimate):
+    values = 1.1 * robot.parameters.values
+    network = robot.network(estimate.positions)
+    for residual in ("nls", "lls", "lls_magnitude"):
+        problem = frf_problem(robot, estimate, residual, "optimal")
+        kernel = cost_kernel(problem, network)
+        other, weights = 1.1 * estimate.response, 2 * np.asarray(problem.weights)
+        moved = kernel.of_data(other, weights)
+        fresh = type(kernel)(network, estimate.omega, other, weights, residual)
+        assert (moved(values) == fresh(values)).all()
+        assert (moved.gradient(values)[1] == fresh.gradient(values)[1]).all()
+        assert kernel(values) != moved(values)
+        with pytest.raises(InvalidInput, match="a finite FRF"):
+            kernel.of_data(np.nan * other, weights)
