@@ -14,6 +14,8 @@ from estimators.fitting.trust_region import (
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import IdentificationError
 
+_CONVERGED = "The next step would lower the cost by less than the tolerance"
+
 
 def gauss_newton(
     problem: Bounded,
@@ -25,33 +27,40 @@ def gauss_newton(
 ) -> SearchResult:
     """Minimise by full Gauss-Newton steps about ln theta; see `Minimiser`.
 
-    The search ends where the next step would lower the cost by less than `tolerance` of it, by the
-    linear model of the residuals; that step is taken without another evaluation. From where a
-    step leaves the bounds or does not lower the cost, `trust_region` goes on.
+    From where a step leaves the bounds or does not lower the cost, `trust_region` goes on.
     """
-    x, low, high = np.log(start), *np.log(problem.bounds)
-    evaluations = 0
+    before = SearchResult(start, np.inf, 0, "", 0)
     if objective.loss is None:
-        residuals, jacobian = objective(start)
-        evaluations = 1
-        while evaluations < max_evaluations:
-            step = np.linalg.lstsq(jacobian, -residuals, rcond=None)[0]
-            cost, gain = float(residuals @ residuals), float(-residuals @ jacobian @ step)
-            trial = x + step
-            if not ((low < trial) & (trial < high)).all():
-                break
-            if gain <= tolerance * cost:
-                message = "The next step would lower the cost by less than the tolerance"
-                return SearchResult(np.exp(trial), cost - gain, 2, message, evaluations)
-            evaluations += 1
-            try:
-                residuals, jacobian = objective(np.exp(trial))
-            except (IdentificationError, np.linalg.LinAlgError):
-                break
-            if not residuals @ residuals < cost:
-                break
-            x = trial
-    outcome = trust_region(
-        problem, objective, np.exp(x), max(max_evaluations - evaluations, 1), tolerance
-    )
-    return replace(outcome, evaluations=evaluations + outcome.evaluations)
+        before = _full_steps(problem, objective, start, max_evaluations, tolerance)
+    if before.status:
+        return before
+    remaining = max(max_evaluations - before.evaluations, 1)
+    after = trust_region(problem, objective, before.values, remaining, tolerance)
+    return replace(after, evaluations=before.evaluations + after.evaluations)
+
+
+def _full_steps(
+    problem: Bounded, objective: Objective, start: Array, max_evaluations: int, tolerance: float
+) -> SearchResult:
+    """Return where full steps lead, with status zero if that is no minimum.
+
+    They end where the next one would lower the cost by less than `tolerance` of it, by the linear
+    model of the residuals; that step is taken without another evaluation.
+    """
+    low, high = problem.bounds
+    values, cost, trial = start, np.inf, start
+    for evaluations in range(1, max_evaluations + 1):
+        try:
+            residuals, jacobian = objective(trial)
+        except (IdentificationError, np.linalg.LinAlgError):
+            break
+        if not residuals @ residuals < cost:
+            break
+        values, cost = trial, float(residuals @ residuals)
+        step = np.linalg.lstsq(jacobian, -residuals, rcond=None)[0]
+        trial, gain = values * np.exp(step), float(-residuals @ jacobian @ step)
+        if not ((low < trial) & (trial < high)).all():
+            break
+        if gain <= tolerance * cost:
+            return SearchResult(trial, cost - gain, 2, _CONVERGED, evaluations)
+    return SearchResult(values, cost, 0, "", evaluations)
