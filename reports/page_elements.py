@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 from importlib.resources import files
-from typing import Literal
+from typing import Literal, Protocol
 
 import jinja2
 from markupsafe import Markup
@@ -17,6 +17,15 @@ from reports import text
 from reports.figures.svg import LIGHT, Palette, inline
 
 Drawing = Callable[[Palette], MatplotlibFigure]
+
+_SCRIPTS = ("report.js", "robots.js", "responses.js")
+
+
+class VectorDrawing(Protocol):
+    """A drawing that is written as SVG, without matplotlib."""
+
+    def svg(self, name: str, alt: str) -> Markup:
+        """Return the SVG; `name` prefixes its identifiers, `alt` says what is to be seen."""
 
 
 @dataclass(frozen=True)
@@ -59,10 +68,18 @@ class Figure:
 
 
 def figure(
-    id: str, draw: Drawing, alt: str, *, caption: str = "", label: str = "", wide: bool = False
+    id: str,
+    draw: Drawing | VectorDrawing,
+    alt: str,
+    *,
+    caption: str = "",
+    label: str = "",
+    wide: bool = False,
 ) -> Figure:
     """Return a drawing for a page; `alt` says what is to be seen."""
-    return Figure(id, inline(draw, f"in-{id}", alt), caption, label, wide)
+    name = f"in-{id}"
+    drawing = inline(draw, name, alt) if callable(draw) else draw.svg(name, alt)
+    return Figure(id, drawing, caption, label, wide)
 
 
 @dataclass(frozen=True)
@@ -176,7 +193,7 @@ def page(
             sections=sections,
             banner=banner,
             style=Markup(_file("report.css")),
-            script=Markup(_file("report.js") + _file("robots.js")),
+            script=Markup("".join(map(_file, _SCRIPTS))),
             light=Markup(json.dumps(asdict(LIGHT))),
         )
     )

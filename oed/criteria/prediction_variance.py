@@ -37,6 +37,20 @@ def prediction_matrix(gradients: Array | ComplexArray, shares: Array | None = No
     return np.asarray(((flat.conj().T * (w / w.sum())) @ flat).real)
 
 
+def prediction_std(gradients: Array | ComplexArray, covariance: Array) -> Array:
+    """Return the standard deviations sqrt(g* C g) of predictions, (...).
+
+    Parameters
+    ----------
+    gradients : ndarray or ndarray of complex, (..., p)
+        Derivatives of the predictions by ln theta.
+    covariance : ndarray, (p, p)
+        Covariance C of ln theta.
+    """
+    variance = np.sum((gradients.conj() @ covariance) * gradients, axis=-1).real
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+
+
 def log_frf_gradients(robot: Elastic, positions: Array, omega: Array) -> ComplexArray:
     """Return the derivatives of ln G by ln theta, (Q, F, n, n, p); zero where G is zero.
 

@@ -1,17 +1,18 @@
-"""Bode panels of an FRF matrix: magnitude above phase for each element, on shared axes."""
+"""Bode panels of an FRF matrix as SVG: magnitude above phase for each element, on shared axes."""
 
-from collections.abc import Callable, Sequence
+import json
+from collections.abc import Sequence
 from dataclasses import dataclass
+from html import escape
 from typing import Any
 
 import numpy as np
-from matplotlib.artist import Artist
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
+from markupsafe import Markup
+from matplotlib.path import Path
 from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
 
-from reports.figures.svg import Palette
+from reports.figures import compact_path
 from reports.text import fixed
 from robotmodels.common.arrays import Array, ComplexArray, IntArray
 
@@ -22,6 +23,7 @@ _LEAST_LEVEL, _LEAST_FITTED = 5.0, 2.0
 _GAP_X, _GAP_Y, _GAP_PHASE = 0.09, 0.16, 0.05
 _PHASE = 0.5  # height of a phase
 _PITCH = 1 + _GAP_PHASE + _PHASE + _GAP_Y  # from row to row
+_UNITS = 3.0  # of a path in a point
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,13 +39,14 @@ class _Scales:
         return np.asarray((np.log(frequency) - first) / max(last - first, 1e-12))
 
     def up(self, magnitude: Array) -> Array:
-        level = 20 * np.log10(np.maximum(magnitude, 1e-300))
+        return self.part(20 * np.log10(np.maximum(magnitude, 1e-300)))
+
+    def part(self, level: Array) -> Array:
         return np.asarray((level - self.low) / (self.high - self.low))
 
     def line(self, magnitude: Array) -> Array:
-        """Return heights of a curve, clipped near the panel, with gaps where there is no value."""
-        positive = np.where(magnitude > 0, magnitude, np.nan)
-        return np.asarray(np.where(magnitude > 0, np.maximum(self.up(positive), -0.3), np.nan))
+        """Return heights of a curve, with gaps where there is no value."""
+        return np.asarray(np.where(magnitude > 0, self.up(magnitude), np.nan))
 
     def frequency_ticks(self) -> Array:
         """Return 1, 2, 5, 10, ... Hz, or fewer where they would crowd."""
@@ -57,110 +60,143 @@ class _Scales:
         return np.asarray(MaxNLocator(4, steps=[1, 2, 4, 5, 10]).tick_values(self.low, self.high))
 
 
-def response_panels(
-    omega: Array,
-    measured: ComplexArray,
-    std: Array,
-    fitted: ComplexArray | None,
-    motors: Sequence[str],
-    noise: Array | None = None,
-    distortion: Array | None = None,
-    outputs: Sequence[str] | None = None,
-) -> Callable[[Palette], Figure]:
-    """Return a drawing of an FRF, (F, m, n): measured with its band `std`, and fitted.
+@dataclass(frozen=True)
+class _Layout:
+    """Sizes of the panels [pt]: of one magnitude, of the margins, of everything."""
 
-    `noise` and `distortion`, (F, m, n), are parts of `std`, drawn as levels below; where one is
-    zero or not a number there is a gap. `outputs` names the rows, which are motors by default.
+    rows: int
+    columns: int
 
-    One pair of axes holds all panels: drawing separate axes takes ten times as long.
-    """
-    below = [part for part in (noise, distortion) if part is not None]
-    low, high = _level_range(np.abs(measured), below, fitted)
-    scales = _Scales(omega / (2 * np.pi), low, high)
+    @property
+    def panel(self) -> tuple[float, float]:
+        """Width and height of a magnitude."""
+        if self.columns > 2:
+            return 108.0, 84.0
+        return (194.0, 144.0) if self.columns == 2 else (331.0, 173.0)
 
-    curves = _Curves(measured, std, fitted, noise, distortion)
+    @property
+    def margins(self) -> tuple[float, float, float]:
+        """Left, above and below; labels keep their distance in panel heights."""
+        height = self.panel[1]
+        return 49.0, 0.24 * height, 0.43 * height
 
-    def draw(palette: Palette) -> Figure:
-        rows, columns = measured.shape[1:]
-        figure, axes = _canvas(rows, columns)
-        for i, j in np.ndindex(rows, columns):
-            left_edge, low = j * (1 + _GAP_X), -i * _PITCH - 1
-            heights = (scales.level_ticks() - scales.low) / (scales.high - scales.low)
-            frame = _panel(axes, (left_edge, low), 1.0, scales, heights, palette)
-            artists = curves.magnitude(axes, (i, j), (left_edge, low), scales, palette)
-            below = low - _GAP_PHASE - _PHASE
-            phase_frame = _panel(axes, (left_edge, below), _PHASE, scales, np.array([0.5]), palette)
-            for artist in artists:
-                artist.set_clip_path(frame)
-            for artist in curves.phase(axes, (i, j), (left_edge, below), scales, palette):
-                artist.set_clip_path(phase_frame)
-        _labels(axes, motors if outputs is None else outputs, motors, scales, palette)
-        return figure
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height of the picture."""
+        (width, height), (before, above, below) = self.panel, self.margins
+        across = self.columns + (self.columns - 1) * _GAP_X
+        return before + across * width + 4.0, above + (self.rows * _PITCH - _GAP_Y) * height + below
 
-    return draw
+    def corner(self, i: int, j: int) -> tuple[float, float]:
+        """Return the upper left corner of the panel of row i and column j."""
+        (width, height), (before, above, _) = self.panel, self.margins
+        return before + j * (1 + _GAP_X) * width, above + i * _PITCH * height
 
 
 @dataclass(frozen=True, eq=False)
-class _Curves:
-    """What is drawn in the panels of an element, all (F, m, n)."""
+class ResponsePanels:
+    """A drawing of an FRF, (F, m, n).
 
+    Attributes
+    ----------
+    omega : ndarray, (F,), rad/s
+        Angular frequencies.
+    measured : ndarray of complex, (F, m, n)
+        Measured FRF.
+    std : ndarray, (F, m, n)
+        Its standard deviations, drawn as a band.
+    fitted : ndarray of complex, (G, m, n), or None
+        FRF of a model, at `fitted_omega` (G,) [rad/s].
+    inputs, outputs : sequence of str
+        Names of columns and rows.
+    noise, distortion : ndarray, (F, m, n), or None
+        Parts of `std`, drawn as levels below; gaps where one is zero or not a number.
+    """
+
+    omega: Array
     measured: ComplexArray
     std: Array
     fitted: ComplexArray | None
+    fitted_omega: Array
+    inputs: Sequence[str]
+    outputs: Sequence[str]
     noise: Array | None
     distortion: Array | None
 
-    def magnitude(
-        self,
-        axes: Axes,
-        element: tuple[int, int],
-        corner: tuple[float, float],
-        scales: _Scales,
-        palette: Palette,
-    ) -> list[Artist]:
-        """Draw the measured magnitude in its band, the fitted one, and levels below."""
-        at = (slice(None), *element)
-        x, base = corner[0] + scales.across(scales.frequency), corner[1]
-        size, std = np.abs(self.measured[at]), self.std[at]
-        lower = np.maximum(scales.up(np.maximum(size - std, 0)), -0.1)
-        ends = base + lower, base + scales.up(size + std)
-        band = axes.fill_between(x, *ends, color=palette.accent, alpha=0.28, lw=0)
-        shown = (
-            (self.noise, palette.muted, 0.6),
-            (self.distortion, palette.ink, 0.6),
-            (np.abs(self.measured), palette.accent, 0.7),
-            (None if self.fitted is None else np.abs(self.fitted), palette.second, 1.1),
+    def svg(self, name: str, alt: str) -> Markup:
+        """Return the drawing for a page; `name` prefixes identifiers, `alt` says what is seen."""
+        layout = _Layout(*self.measured.shape[1:])
+        below = [part for part in (self.noise, self.distortion) if part is not None]
+        low, high = _level_range(np.abs(self.measured), below, self.fitted)
+        scales = _Scales(self.omega / (2 * np.pi), low, high)
+        corners = np.array(
+            [layout.corner(i, j) for i, j in np.ndindex(layout.rows, layout.columns)]
         )
-        artists: list[Artist] = [band]
-        for values, colour, width in shown:
-            if values is not None:
-                artists += axes.plot(x, base + scales.line(values[at]), color=colour, lw=width)
-        if self.distortion is not None:
-            lone = base + _lone(scales.line(self.distortion[at]))
-            artists += axes.plot(x, lone, ".", color=palette.ink, ms=1.6, mew=0)
-        return artists
+        width, height = layout.size
+        return Markup(
+            f'<svg viewBox="0 0 {width:g} {height:g}" role="img" aria-label="{escape(alt)}" '
+            f'style="--width: {width:.0f}; max-width: {width * 4 / 3:.0f}px" '
+            f'data-panels="{_panel_data(layout)}">'
+            f"{_grid(name, layout, scales, corners)}"
+            f"{self._curves(layout, scales, corners)}"
+            f"{_labels(layout, self.outputs, self.inputs, scales)}</svg>"
+        )
 
-    def phase(
-        self,
-        axes: Axes,
-        element: tuple[int, int],
-        corner: tuple[float, float],
-        scales: _Scales,
-        palette: Palette,
-    ) -> list[Artist]:
-        """Draw phases from -180 to 180 degrees; the measured one where it is more than noise."""
-        at = (slice(None), *element)
-        above_noise = np.where(self.std[at] < np.abs(self.measured[at]), self.measured[at], np.nan)
-        artists: list[Artist] = []
-        for values, colour, width in (
-            (above_noise, palette.accent, 0.7),
-            (None if self.fitted is None else self.fitted[at], palette.second, 1.1),
+    def _curves(self, layout: _Layout, scales: _Scales, corners: Array) -> str:
+        """Return the paths of all panels, one for each kind of curve."""
+        width, height = (_UNITS * side for side in layout.panel)
+        x, fitted_x = (
+            width * scales.across(omega / (2 * np.pi)) for omega in (self.omega, self.fitted_omega)
+        )
+        corners = _UNITS * corners
+        below = corners + np.array([0.0, height * (1 + _GAP_PHASE)])
+        size = np.abs(self.measured)
+        low, high = (height * (1 - scales.up(np.maximum(size + s * self.std, 0))) for s in (-1, 1))
+        bands = [
+            compact_path.band(x, *ends, height)
+            for ends in zip(_each(low), _each(high), strict=True)
+        ]
+        drawn = [_path(bands, corners, 'fill="var(--accent)" opacity=".28"')]
+        for values, across, colour, pen in (
+            (self.noise, x, "muted", 0.6),
+            (self.distortion, x, "ink", 0.6),
+            (size, x, "accent", 0.7),
+            (None if self.fitted is None else np.abs(self.fitted), fitted_x, "second", 1.1),
         ):
             if values is not None:
-                x, turns = _unbroken(scales.across(scales.frequency), np.angle(values))
-                y = corner[1] + _PHASE * (turns / (2 * np.pi) + 0.5)
-                artists += axes.plot(corner[0] + x, y, color=colour, lw=width)
-        return artists
+                heights = _each(height * (1 - scales.line(values)))
+                lines = [compact_path.line(across, y, width, height) for y in heights]
+                drawn.append(_path(lines, corners, _pen(colour, pen)))
+        for response, across, colour, pen in (
+            (np.where(self.std < size, self.measured, np.nan), x, "accent", 0.7),
+            (self.fitted, fitted_x, "second", 1.1),
+        ):
+            if response is not None:
+                lines = [_phase(across, one, width, _PHASE * height) for one in _each(response)]
+                drawn.append(_path(lines, below, _pen(colour, pen)))
+        return f'<g transform="scale({1 / _UNITS:g})" {_ROUND}>{"".join(drawn)}</g>'
+
+
+_ROUND = 'stroke-linecap="round" stroke-linejoin="round"'
+
+
+def _each(values: NDArray[Any]) -> NDArray[Any]:
+    """Return the curves of (F, m, n), row after row, (m n, F)."""
+    return values.reshape(len(values), -1).T
+
+
+def _pen(colour: str, width: float) -> str:
+    return f'fill="none" stroke="var(--{colour})" stroke-width="{_UNITS * width:g}"'
+
+
+def _path(paths: Sequence[Path], corners: Array, style: str) -> str:
+    return f'<path d="{compact_path.data(paths, corners)}" {style}/>'
+
+
+def _phase(x: Array, response: ComplexArray, width: float, height: float) -> Path:
+    """Return a phase from -180 to 180 degrees, below to above."""
+    across, turns = _unbroken(x, np.angle(response))
+    return compact_path.line(across, height * (0.5 - turns / (2 * np.pi)), width, height)
 
 
 def _unbroken(x: Array, phase: Array) -> tuple[Array, Array]:
@@ -185,90 +221,102 @@ def _level_range(
     return 10 * float(np.floor(low / 10)), 10 * float(np.ceil((high + 1) / 10))
 
 
-def _lone(heights: Array) -> Array:
-    """Return the points with a gap on either side, of which a line shows nothing."""
-    gap = np.concatenate([[True], np.isnan(heights), [True]])
-    return np.asarray(np.where(gap[:-2] & gap[2:], heights, np.nan))
+def _grid(name: str, layout: _Layout, scales: _Scales, corners: Array) -> str:
+    """Return grid and axes: drawn once, and used for every panel."""
+    width, height = layout.panel
+    top = height * (1 + _GAP_PHASE)  # of the phase
+    bottom = top + _PHASE * height
+    rules = "".join(
+        f"M{x:.1f} 0V{height:.1f}M{x:.1f} {top:.1f}V{bottom:.1f}"
+        for x in width * scales.across(scales.frequency_ticks())
+    )
+    levels = scales.part(scales.level_ticks())
+    inside = levels[(levels >= -1e-9) & (levels <= 1 + 1e-9)]
+    for y in (*(height * (1 - inside)), top + _PHASE * height / 2):
+        rules += f"M0 {y:.1f}H{width:.1f}"
+    axes = f"M0 0V{height:.1f}H{width:.1f}M0 {top:.1f}V{bottom:.1f}H{width:.1f}"
+    uses = "".join(f'<use href="#{name}-grid" x="{x:.1f}" y="{y:.1f}"/>' for x, y in corners)
+    return (
+        f'<defs><g id="{name}-grid" fill="none"><path d="{rules}" stroke="var(--rule)" '
+        f'stroke-width=".5"/><path d="{axes}" stroke="var(--muted)" stroke-width=".6"/></g></defs>'
+        + uses
+    )
 
 
-def _canvas(rows: int, columns: int) -> tuple[Figure, Axes]:
-    """Return a figure whose data coordinates are panels, with margins for labels [inch]."""
-    width, height = (1.5, 1.17) if columns > 2 else (2.7, 2.0) if columns == 2 else (4.6, 2.4)
-    # Labels keep their distance in panel heights.
-    left, right, bottom, top = max(0.68, 0.45 * width), 0.05, 0.43 * height, 0.24 * height
-    across = columns + (columns - 1) * _GAP_X
-    down = rows * _PITCH - _GAP_Y
-    figure = Figure(figsize=(left + across * width + right, bottom + down * height + top))
-    axes = figure.add_axes((0, 0, 1, 1))
-    axes.set_axis_off()
-    axes.set_xlim(-left / width, across + right / width)
-    axes.set_ylim(-down - bottom / height, top / height)
-    return figure, axes
-
-
-def _panel(
-    axes: Axes,
-    corner: tuple[float, float],
-    height: float,
-    scales: _Scales,
-    levels: Array,
-    palette: Palette,
-) -> Rectangle:
-    """Draw grid and spines of one panel; return the frame that clips its curves.
-
-    Parameters
-    ----------
-    levels : ndarray
-        Levels of the horizontal lines, as parts of the height.
-    """
-    x0, y0 = corner
-    x = x0 + scales.across(scales.frequency_ticks())
-    y = y0 + height * levels[(levels >= -1e-9) & (levels <= 1 + 1e-9)]
-    lines = [[(v, y0), (v, y0 + height)] for v in x] + [[(x0, v), (x0 + 1, v)] for v in y]
-    broken = np.concatenate([np.array([*line, (np.nan, np.nan)]) for line in lines])
-    axes.plot(*broken.T, color=palette.rule, lw=0.5)  # one path for all is short
-    axes.plot([x0, x0, x0 + 1], [y0 + height, y0, y0], color=palette.muted, lw=0.6)
-    return Rectangle(corner, 1, height, transform=axes.transData)
-
-
-def _labels(
-    axes: Axes,
-    outputs: Sequence[str],
-    motors: Sequence[str],
-    scales: _Scales,
-    palette: Palette,
-) -> None:
-    small: dict[str, Any] = {"size": 8, "color": palette.muted}
-    columns = len(motors)
-    bottom = _GAP_Y - len(outputs) * _PITCH
+def _labels(layout: _Layout, outputs: Sequence[str], inputs: Sequence[str], scales: _Scales) -> str:
+    """Return the words: names of rows and columns, levels, degrees and frequencies."""
+    width, height = layout.panel
+    phase = height * (1 + _GAP_PHASE)
+    names, numbers, levels = [], [], []
     ticks = scales.frequency_ticks()
-    for j in range(columns):
-        left_edge = j * (1 + _GAP_X)
-        axes.text(left_edge + 0.5, 0.07, f"from {motors[j]}", ha="center", va="bottom")
-        for tick, x in zip(ticks, left_edge + scales.across(ticks), strict=True):
-            axes.text(float(x), bottom - 0.05, f"{tick:g}", ha="center", va="top", **small)
-    for i in range(len(outputs)):
-        low = -i * _PITCH - 1
-        axes.text(-0.4, low + 0.3, f"to {outputs[i]}", ha="center", va="center", rotation=90)
-        for tick in scales.level_ticks():
-            y = (tick - scales.low) / (scales.high - scales.low)
-            if 0.06 < y <= 1 + 1e-9:  # the lowest would meet the phase's highest
-                level = fixed(float(tick), 0)
-                axes.text(-0.05, low + float(y), level, ha="right", va="center", **small)
-        for part, degrees in ((0.0, -180), (0.5, 0), (1.0, 180)):
-            y = low - _GAP_PHASE - _PHASE * (1 - part)
-            label = fixed(degrees, 0) + "°"
-            align = {0.0: "bottom", 0.5: "center", 1.0: "top"}[part]
-            axes.text(-0.05, y, label, ha="right", va=align, **small)
-    middle = (columns + (columns - 1) * _GAP_X) / 2
-    words = "frequency [Hz]"
-    axes.text(middle, bottom - 0.24, words, ha="center", va="top", color=palette.muted)
+    last = layout.corner(layout.rows, 0)[1] - _GAP_Y * height  # below the lowest phase
+    for j, word in enumerate(inputs):
+        x, y = layout.corner(0, j)
+        names.append(_text(x + width / 2, y - 0.07 * height, f"from {word}"))
+        for tick, part in zip(ticks, scales.across(ticks), strict=True):
+            numbers.append(_text(x + width * float(part), last + 11, f"{tick:g}"))
+    for i, word in enumerate(outputs):
+        x, y = layout.corner(i, 0)
+        at = f"translate({x - 38:.1f} {y + 0.7 * height:.1f})"
+        names.append(f'<text transform="{at} rotate(-90)">to {escape(word)}</text>')
+        for tick, part in zip(scales.level_ticks(), scales.part(scales.level_ticks()), strict=True):
+            if 0.06 < part <= 1 + 1e-9:  # the lowest would meet the phase's highest
+                levels.append(_text(x - 4, y + height * (1 - part) + 3, fixed(float(tick), 0)))
+        for degrees, down in ((180, 7), (0, 3), (-180, 0)):
+            middle = phase + _PHASE * height * (0.5 - degrees / 360)
+            levels.append(_text(x - 4, y + middle + down, fixed(degrees, 0) + "°"))
+    left, right = layout.corner(0, 0)[0], layout.corner(0, len(inputs) - 1)[0] + width
+    axis = _text((left + right) / 2, last + 0.24 * height + 8, "frequency [Hz]")
+    small = 'font-size="8" fill="var(--muted)"'
+    return (
+        f'<g font-size="9" fill="var(--ink)" text-anchor="middle">{"".join(names)}</g>'
+        f'<g {small} text-anchor="middle">{"".join(numbers)}</g>'
+        f'<g {small} text-anchor="end">{"".join(levels)}</g>'
+        f'<g font-size="9" fill="var(--muted)" text-anchor="middle">{axis}</g>'
+    )
 
 
-BUDGET = 3_200_000
-"""Bytes that all panels of a page may take."""
+def _text(x: float, y: float, words: str) -> str:
+    return f'<text x="{x:.1f}" y="{y:.1f}">{escape(words)}</text>'
 
-_BYTES_OF_ELEMENT, _BYTES_OF_LINE, _FEWEST = 900, 46, 20
+
+def _panel_data(layout: _Layout) -> str:
+    """Return where panels are, for the script that enlarges one: corner, pitches, size [pt]."""
+    (x, y), (width, height) = layout.corner(0, 0), layout.panel
+    right, below = layout.corner(1, 1)
+    bottom = height * (1 + _GAP_PHASE + _PHASE)
+    return json.dumps([round(v, 1) for v in (x, y, right - x, below - y, width, bottom)])
+
+
+def response_panels(
+    omega: Array,
+    measured: ComplexArray,
+    std: Array,
+    fitted: ComplexArray | None,
+    motors: Sequence[str],
+    noise: Array | None = None,
+    distortion: Array | None = None,
+    outputs: Sequence[str] | None = None,
+    fitted_omega: Array | None = None,
+) -> ResponsePanels:
+    """Return the panels; by default outputs are the motors, and the model is at `omega`."""
+    return ResponsePanels(
+        omega,
+        measured,
+        std,
+        fitted,
+        omega if fitted_omega is None else fitted_omega,
+        motors,
+        motors if outputs is None else outputs,
+        noise,
+        distortion,
+    )
+
+
+BUDGET = 1_200_000
+"""Bytes that all panels of a page and their data may take."""
+
+_BYTES_OF_ELEMENT, _BYTES_OF_LINE, _FEWEST = 600, 18.5, 20
 """What an element of a position takes, and each of its lines; fewest lines to draw."""
 
 

@@ -112,6 +112,9 @@ def _style(palette: Palette) -> Any:
 def _compact(svg: str, name: str, alt: str) -> str:
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", svg, flags=re.S)
+    svg = re.sub(
+        r"<defs>\s*<style[^>]*>\*.*?</style>\s*</defs>", "", svg, flags=re.S
+    )  # of all the page
     svg = re.sub(r"font: ([\d.]+)px [^;\"]*", r"font-size: \1px", svg)
     svg = re.sub(r" ?font-family: [^;\"]*;?", "", svg)  # the page's
     svg = re.sub(r' transform="rotate\(-?0 [^"]*\)"', "", svg)
@@ -128,6 +131,7 @@ def _compact(svg: str, name: str, alt: str) -> str:
     width, height = re.findall(r'(?:width|height)="([\d.]+)pt"', svg)[:2]
     head = (
         f'<svg viewBox="0 0 {width} {height}" role="img" aria-label="{escape(alt)}" '
+        'stroke-linejoin="round" '
         f'style="--width: {float(width):.0f}; max-width: {float(width) * 4 / 3:.0f}px">'
     )
     return head + rules + svg[svg.index(">") + 1 :]

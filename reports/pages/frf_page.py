@@ -4,12 +4,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
 from estimators.frf.frf_from_records import MeasuredFrf
 from estimators.frf.method_comparison import MethodComparison
 from reports import text
 from reports.figures import response_panels
 from reports.figures.frf_figures import detection_panels
+from reports.figures.response_data import ResponseData
 from reports.figures.response_panels import lines_drawn
 from reports.page_elements import (
     Cell,
@@ -66,7 +68,11 @@ def frf_sections(
         (
             "responses",
             "Frequency responses",
-            {"panels": responses, "lines": len(lines_drawn(measurement.estimate.response.shape))},
+            {
+                "panels": responses,
+                "lines": len(lines_drawn(measurement.estimate.response.shape)),
+                "embedded": _embedded(measurement),
+            },
         ),
         ("levels", "Levels", {"levels": level_table(measurement)}),
         (
@@ -123,6 +129,18 @@ def _response(measurement: MeasuredFrf, q: int) -> Figure:
     )
     wide = len(outputs) > 2
     return figure(f"frf-{q + 1}", drawing, alt, label=_label(measurement, q), wide=wide)
+
+
+def _embedded(measurement: MeasuredFrf) -> Markup:
+    """Return the data with which the page's script enlarges single elements."""
+    e, robot = measurement.estimate, measurement.robot
+    lines = lines_drawn(e.response.shape)
+    model = None if measurement.modelled is None else measurement.modelled[:, lines]
+    omega, std = e.omega[lines], np.sqrt(e.variance[:, lines])
+    shown = ResponseData(omega, e.response[:, lines], std, e.repetitions, omega, model)
+    units = ["rad/s^2"] * len(measurement.outputs) if robot is None else robot.output_units
+    ids = [f"frf-{q + 1}" for q in range(len(e.positions))]
+    return shown.embedded(ids, measurement.motors, measurement.outputs, units)
 
 
 def _detection(measurement: MeasuredFrf, q: int) -> Figure | None:

@@ -1,52 +1,82 @@
 """Frequency responses: measured and fitted, Bode panels of one position at a time."""
 
 import numpy as np
+from markupsafe import Markup
 
 import robotmodels
+from oed.criteria.prediction_variance import log_frf_gradients, prediction_std
 from oed.study.results import StudyResults
 from reports.figures import response_panels
+from reports.figures.response_data import ResponseData, between
 from reports.figures.response_panels import lines_drawn
 from reports.page_elements import Figure, Section, figure, filled
 from reports.sections.plan_labels import labels
 from robotmodels.common.arrays import IntArray
+from robotmodels.linear.derived_models import WithParameters
 
 
 def section(results: StudyResults) -> Section:
     """Return the section."""
     estimate = results.data.frf
-    shown = lines_drawn(estimate.response.shape)
+    lines = lines_drawn(estimate.response.shape)
+    shown = response_data(results, lines)
     body = filled(
         "responses.html.j2",
         results=results,
         frequencies=len(estimate.omega),
         panels=panels(results, shown),
-        lines=len(shown),
+        embedded=embedded(results, shown),
+        lines=len(lines),
         units=dict.fromkeys(unit.replace("^2", "²") for unit in results.robot.output_units),
     )
     return Section("responses", "Frequency responses", body)
 
 
-def panels(results: StudyResults, lines: IntArray) -> list[Figure]:
-    """Return the Bode panels of every position."""
-    r, estimate = results, results.data.frf
+def response_data(results: StudyResults, lines: IntArray) -> ResponseData:
+    """Return measured FRFs and the fitted model's, also between the lines."""
+    estimate, theorem1 = results.data.frf, results.uncertainty.theorem1
+    values = results.fits.result.parameters.values
     omega = estimate.omega[lines]
-    fitted = robotmodels.frequency_response(
-        r.robot, estimate.positions, omega, r.fits.result.parameters.values
+    fine = between(omega)
+    model_std = None
+    if theorem1 is not None:
+        fitted = WithParameters(results.robot, values)
+        gradients = log_frf_gradients(fitted, estimate.positions, omega)
+        model_std = prediction_std(gradients, theorem1.covariance)
+    return ResponseData(
+        omega,
+        estimate.response[:, lines],
+        np.sqrt(estimate.variance[:, lines]),
+        estimate.repetitions,
+        fine,
+        robotmodels.frequency_response(results.robot, estimate.positions, fine, values),
+        model_std,
     )
-    std = np.sqrt(estimate.variance)
-    figures = []
-    for q, label in enumerate(labels(r)):
+
+
+def panels(results: StudyResults, shown: ResponseData) -> list[Figure]:
+    """Return the Bode panels of every position."""
+    robot, figures = results.robot, []
+    for q, label in enumerate(labels(results)):
         drawing = response_panels.response_panels(
-            omega,
-            estimate.response[q, lines],
-            std[q, lines],
-            fitted[q],
-            r.robot.motor_names,
-            outputs=r.robot.output_names,
+            shown.omega,
+            shown.measured[q],
+            shown.std[q],
+            None if shown.model is None else shown.model[q],
+            robot.motor_names,
+            outputs=robot.output_names,
+            fitted_omega=shown.model_omega,
         )
         alt = (
             f"Magnitudes and phases of the measured and fitted frequency responses, "
-            f"{len(r.robot.output_names)} by {len(r.robot.motor_names)}, in {label}"
+            f"{len(robot.output_names)} by {len(robot.motor_names)}, in {label}"
         )
         figures.append(figure(f"frf-{q + 1}", drawing, alt, label=label, wide=True))
     return figures
+
+
+def embedded(results: StudyResults, shown: ResponseData) -> Markup:
+    """Return the data with which the page's script enlarges single elements."""
+    robot = results.robot
+    ids = [f"frf-{q + 1}" for q in range(len(shown.measured))]
+    return shown.embedded(ids, robot.motor_names, robot.output_names, robot.output_units)

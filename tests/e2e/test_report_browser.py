@@ -2,9 +2,11 @@
 
 import csv
 import io
+import json
 import re
 import xml.etree.ElementTree as ET
 
+import h5py
 import numpy as np
 import pytest
 from browser import chromium, open_page
@@ -114,10 +116,36 @@ def test_one_position_is_shown_and_the_control_changes_it(desktop):
     section.get_by_label("Next position").click()
     assert panels.nth(1).is_visible()
     assert not panels.nth(0).is_visible()
-    section.locator("select").select_option(index=0)
+    section.get_by_label("position", exact=True).select_option(index=0)
     assert panels.nth(0).is_visible()
     section.get_by_label("Previous position").click()
     assert panels.nth(len(shown) - 1).is_visible()
+
+
+def test_an_element_is_enlarged_and_tells_its_values(desktop, small_study):
+    panels = desktop.locator("#frf-1 svg[data-panels]")
+    left, top, right, *_ = json.loads(panels.get_attribute("data-panels"))
+    box, width = panels.bounding_box(), float(panels.get_attribute("viewBox").split()[2])
+    scale = box["width"] / width
+    panels.click(position={"x": scale * (left + right + 5), "y": scale * (top + 5)})
+    element = desktop.locator("#frf-element")
+    assert "from m3 to m2" in element.locator(".title").text_content()
+    drawing = element.locator("svg")
+    drawing.press("ArrowRight")  # the second line
+    told = element.locator("output").text_content()
+    with h5py.File(small_study[0] / "stages" / "data" / "result.h5") as file:
+        estimate = file["estimate"]
+        response = estimate["response"][0, 1, 0, 1]
+        share = np.sqrt(estimate["covariance"][0, 1, 0, 1]) / abs(response)
+        hertz = estimate["omega"][1] / (2 * np.pi)
+    measured = re.search(r"([\d.]+) Hz; measured (\S+) dB, (\S+)°, std (\S+) %", told)
+    values = [float(word.replace("−", "-")) for word in measured.groups()]
+    expected = [hertz, 20 * np.log10(abs(response)), np.degrees(np.angle(response)), 100 * share]
+    np.testing.assert_allclose(values, expected, rtol=0.05, atol=0.6)
+    for view in ("Nyquist", "singular values", "coherence"):
+        element.get_by_label("as", exact=True).select_option(view)
+        element.get_by_label("beside").select_option("all positions")
+        assert "NaN" not in drawing.inner_html()
 
 
 def test_tables_sort_up_and_down_within_their_groups(desktop):

@@ -243,8 +243,8 @@ def test_as_many_lines_are_drawn_as_fit(shape):
     assert drawn[-1] == lines - 1
     assert np.ptp(np.diff(drawn)) <= 1
     room = BUDGET / (positions * m * n)  # [bytes]
-    assert len(drawn) == min(lines, 20) or 900 + 46 * len(drawn) <= room
-    assert len(drawn) == lines or 900 + 46 * (len(drawn) + 1) > room
+    assert len(drawn) == min(lines, 20) or 600 + 18.5 * len(drawn) <= room
+    assert len(drawn) == lines or 600 + 18.5 * (len(drawn) + 1) > room
 
 
 def test_residuals_of_one_position_need_no_picture():

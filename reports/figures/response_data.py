@@ -1,0 +1,125 @@
+"""FRFs of a page as compact data, from which its script draws single elements.
+
+Whole multiples of a step, differences along frequency, bytes of equal weight together, deflated:
+``responses.js`` undoes it.
+"""
+
+import base64
+import json
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from robotmodels.common.arrays import Array, ComplexArray, IntArray
+
+_STEPS = 8  # of a response in the least relative standard deviation
+_FINEST, _COARSEST = 1e-4, 1e-2  # steps of ln G, and of logarithms of standard deviations
+_LEAST = 1e-200
+
+
+@dataclass(frozen=True, eq=False)
+class ResponseData:
+    """FRFs in Q positions.
+
+    Attributes
+    ----------
+    omega : ndarray, (F,), rad/s
+        Angular frequencies of `measured`.
+    measured : ndarray of complex, (Q, F, m, n)
+        Measured FRFs.
+    std : ndarray, (Q, F, m, n)
+        Their standard deviations.
+    repetitions : ndarray of int, (Q,)
+        Experiments that were averaged.
+    model_omega : ndarray, (G,), rad/s
+        Angular frequencies of `model`, those of `measured` among them.
+    model : ndarray of complex, (Q, G, m, n), or None
+        FRFs of a model.
+    model_std : ndarray, (Q, F, m, n), or None
+        Relative standard deviations of the model's FRFs by the parameters' covariance.
+    """
+
+    omega: Array
+    measured: ComplexArray
+    std: Array
+    repetitions: IntArray
+    model_omega: Array
+    model: ComplexArray | None = None
+    model_std: Array | None = None
+
+    def embedded(
+        self,
+        ids: Sequence[str],
+        inputs: Sequence[str],
+        outputs: Sequence[str],
+        units: Sequence[str],
+    ) -> Markup:
+        """Return the data for a page.
+
+        Parameters
+        ----------
+        ids : sequence of str, (Q,)
+            Ids of the figures that show all elements of a position.
+        inputs, outputs, units : sequence of str
+            Names of columns and rows, and the units of the rows.
+        """
+        least = np.percentile(self.std / np.maximum(np.abs(self.measured), _LEAST), 1)
+        step = float(np.clip(least / _STEPS, _FINEST, _COARSEST))
+        content: dict[str, Any] = {
+            "ids": [*ids],
+            "inputs": [*inputs],
+            "outputs": [*outputs],
+            "units": [f"{unit.replace('^2', '²')}/(N m)" for unit in units],
+            "repetitions": self.repetitions.tolist(),
+            "frequency": [round(float(v), 6) for v in self.omega / (2 * np.pi)],
+            "measured": _logarithm(self.measured, step, 1),
+            "std": _packed(np.log(np.maximum(self.std, _LEAST)), _COARSEST, 1),
+            "singular": _singular_values(self.measured, 1),
+        }
+        if self.model is not None:
+            content |= {
+                "fine": [round(float(v), 6) for v in self.model_omega / (2 * np.pi)],
+                "model": _logarithm(self.model, step, 2),
+                "modelSingular": _singular_values(self.model, 2),
+            }
+        if self.model_std is not None:
+            logarithm = np.log(np.maximum(self.model_std, _LEAST))
+            content["modelStd"] = _packed(logarithm, 2 * _COARSEST, 2)
+        words = json.dumps(content, separators=(",", ":")).replace("<", "\\u003c")
+        return Markup(f'<script type="application/json" class="responses">{words}</script>')
+
+
+def _logarithm(response: ComplexArray, step: float, order: int) -> list[Any]:
+    """Return ln |G| and the phase, which has no jumps."""
+    phase = np.unwrap(np.angle(response), axis=1)
+    return [
+        _packed(part, step, order) for part in (np.log(np.maximum(np.abs(response), _LEAST)), phase)
+    ]
+
+
+def _singular_values(response: ComplexArray, order: int) -> dict[str, Any]:
+    """Return ln of the singular values, (Q, F, min(m, n)), the largest first."""
+    values = np.linalg.svd(response, compute_uv=False)
+    return _packed(np.log(np.maximum(values, _LEAST)), _COARSEST, order)
+
+
+def _packed(values: Array, step: float, order: int) -> dict[str, Any]:
+    """Return (Q, F, ...) in steps, with `order` differences along frequency, which comes last."""
+    whole = np.rint(np.moveaxis(values, 1, -1) / step).astype(np.int32)
+    for _ in range(order):
+        whole = np.diff(whole, axis=-1, prepend=np.int32(0))
+    unsigned = (whole << 1) ^ (whole >> 31)  # small numbers of either sign have zeros in front
+    planes = unsigned.astype("<i4").reshape(-1, 1).view(np.uint8).T
+    deflate = zlib.compressobj(6, zlib.DEFLATED, 15, 9, zlib.Z_FILTERED)
+    packed = base64.b64encode(deflate.compress(planes.tobytes()) + deflate.flush()).decode()
+    return {"step": step, "order": order, "bytes": packed}
+
+
+def between(omega: Array) -> Array:
+    """Return lines with two more between neighbours, evenly on a logarithmic scale."""
+    at = np.arange(3 * len(omega) - 2) / 3
+    return np.asarray(np.exp(np.interp(at, np.arange(len(omega)), np.log(omega))))
