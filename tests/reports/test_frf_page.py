@@ -267,6 +267,7 @@ def test_positions_of_prismatic_joints_are_in_metres(tmp_path):
         name="crane",
         motor_names=("m1", "m2"),
         output_names=("m1", "m2"),
+        output_units=("rad/s^2", "m/s^2"),
         motor_joints=("turn", "slide"),
         elements=SimpleNamespace(prismatic={"slide"}),
     )
