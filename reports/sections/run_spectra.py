@@ -11,7 +11,7 @@ from oed.study.results import StudyResults
 from reports import text
 from reports.figures import response_panels
 from reports.figures.response_panels import lines_drawn
-from reports.page_elements import Drawing, Figure, Section, Table, figure, filled
+from reports.page_elements import Figure, Section, Table, figure, filled
 from reports.sections.friction import friction_table
 from reports.sections.plan_labels import visit_labels
 from robotmodels import ElasticRobot
@@ -95,7 +95,7 @@ def drawn_spectra(
     omega: Array,
     compared: Iterable[ComplexArray],
     names: Sequence[str],
-) -> Drawing:
+) -> response_panels.ResponsePanels:
     """Return the drawing of `compared_spectra`, (F, m, E) each, a column for each of `names`."""
     outputs, fitted, std = compared
     return response_panels.response_panels(
