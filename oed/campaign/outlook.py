@@ -9,7 +9,6 @@ from oed.criteria.targets import TargetCriterion
 from oed.design.constraints import Constraints
 from oed.design.fastest_design import FastestDesign, fastest_design
 from oed.design.optimal_design import optimal_design
-from oed.design.solvers import fast_solver
 from oed.exact.plan_score import standard_deviations
 from oed.information_sets.experiment_candidates import ExperimentCandidates
 from robotmodels.common.arrays import Array
@@ -98,8 +97,8 @@ class Forecast:
         if minutes > 0:
             objective = TargetCriterion(self.targets).objective(self.relaxed.names)
             limits = Constraints(time=60 * minutes * faster, durations=duration)
-            info, solver = self.candidates.information, fast_solver(objective)
-            total = optimal_design(info, objective, limits, total, solver=solver).information
+            info = self.candidates.information
+            total = optimal_design(info, objective, limits, total).information
         return Outlook(
             needed=self.relaxed.bound / 60 / faster,
             remaining=max(minutes, 0.0),

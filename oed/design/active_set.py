@@ -1,5 +1,6 @@
 """Solve a design over a growing set of candidates until none of the others could help."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -42,7 +43,7 @@ def solve(
     problem: DesignProblem,
     tolerance: float,
     max_rounds: int,
-    solver: DesignSolver,
+    solvers: Sequence[DesignSolver],
     trim: bool = True,
 ) -> Design:
     """Return the design of the smallest gap; the caller decides whether the gap will do.
@@ -55,8 +56,8 @@ def solve(
         Gap that ends the search.
     max_rounds : int
         Largest number of active sets.
-    solver : DesignSolver
-        Solver of the active sets, with `Newton` behind it where it stalls.
+    solvers : sequence of DesignSolver
+        Solvers of the active sets, each where those before it stall.
     trim : bool
         Whether small weights that are not needed are set to zero.
 
@@ -72,18 +73,19 @@ def solve(
     if max_rounds < 1:
         raise InvalidInput(f"max_rounds: {max_rounds!r}; at least 1 is needed")
     search = _Search(Whitening.of(problem), tolerance, max_rounds)
-    if not solver.first_goal:
+    if not solvers[0].first_goal:
         search.scout()
-    search.run(solver)
-    answer, stalled = search.answer(trim), search.best
-    if answer is None and not isinstance(solver, Newton):
+    stalled: _Round | None = None
+    for solver in solvers:
+        search.run(Newton(first_goal=0.0) if stalled and isinstance(solver, Newton) else solver)
+        answer = search.answer(trim)
+        if answer is not None:
+            return search.design(answer)
+        stalled = min(filter(None, (search.best, stalled)), key=_gap, default=None)
         search.best = None
-        search.run(Newton(first_goal=0.0) if stalled else Newton())
-        answer = search.answer(trim) or search.best
-    answer = answer or stalled
-    if answer is None:
+    if stalled is None:
         raise SolverFailed(f"optimal design: {'; '.join(search.failures)}")
-    return search.design(answer)
+    return search.design(stalled)
 
 
 class _Search:
@@ -197,7 +199,7 @@ class _Search:
             rounds.append(_Round(self.active, few, changed, value, certificate))
             if certificate.gap <= _CLOSED * self.tolerance:
                 break
-        return min(rounds, key=lambda one: one.certificate.gap)
+        return min(rounds, key=_gap)
 
     def _certified(self, answer: SolverAnswer, value: float) -> Certificate:
         if not np.isfinite([value, *(np.abs(W).max() for W in answer.witness)]).all():
@@ -302,6 +304,10 @@ class _Search:
         if certificate.gap > _CLOSED * self.tolerance:
             return None
         return replace(full, answer=answer, value=value, certificate=certificate)
+
+
+def _gap(one: _Round) -> float:
+    return one.certificate.gap
 
 
 def _unique(one: _Round) -> bool:

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from oed.criteria.objective import Objective
 from oed.design.design import Design
 from oed.design.optimal_design import optimal_design
-from oed.design.solvers import fast_solver
 from oed.information_sets.candidates import Matrices
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.errors import InvalidInput, NotIdentifiable, SolverFailed
@@ -153,8 +152,6 @@ def _design(
     least = least if objective.smooth else max(tolerance, 1e-6)
     candidates = Matrices(names, columns.matrices)
     try:
-        return optimal_design(
-            candidates, objective, None, prior, least, solver=fast_solver(objective)
-        )
+        return optimal_design(candidates, objective, None, prior, least)
     except NotIdentifiable as error:
         raise NotIdentifiable(error.names, _REMEDY, error.combinations) from error

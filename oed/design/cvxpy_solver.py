@@ -136,10 +136,10 @@ def log_det(cp: Any, matrix: Any) -> tuple[list[Any], Any]:
     return [matrix - E @ S @ E.T >> 0, *first, *second], log_a + log_s
 
 
-# With looser tolerances Clarabel stops at gaps of 1e-5.
+# In the order in which they are asked. With looser tolerances Clarabel stops at gaps of 1e-5.
 _OPTIONS: dict[str, dict[str, Any]] = {
-    "clarabel": {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11, "max_iter": 200},
     "scs": {"eps": 1e-9, "max_iters": 5_000},
+    "clarabel": {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11, "max_iter": 200},
 }
 _FORMS = ("primal", "dual")
 
@@ -153,7 +153,7 @@ class Cvxpy:
     form : {"primal", "dual"}
         What is stated; maximin criteria are always stated as primal problems.
     solver : {"clarabel", "scs"}, optional
-        Conic solver; by default Clarabel, and SCS where Clarabel gives no answer.
+        Conic solver; by default SCS, and Clarabel where its answer is not certified.
 
     Raises
     ------
@@ -173,6 +173,11 @@ class Cvxpy:
 
     def check(self, objective: Objective) -> None:
         """Take every objective."""
+
+    def each(self) -> "tuple[Cvxpy, ...]":
+        """Return the same with one conic solver each, in the order in which they are asked."""
+        names = _OPTIONS if self.solver is None else (self.solver,)
+        return tuple(replace(self, solver=name) for name in names)
 
     def solve(
         self, problem: ScaledProblem, goal: float, near: SolverAnswer | None = None

@@ -13,6 +13,8 @@ from oed.information_sets.candidates import sensitivities
 from robotmodels.common.arrays import Array
 
 NAME = "multiplicative steps"
+_LOOK = 100
+"""Steps after which their rate is looked at."""
 _LEAST = 1e-12
 """Shares do not fall below it, so that information near a singular optimum stays invertible."""
 
@@ -27,7 +29,8 @@ def multiplicative(
     problem : ScaledProblem
         Its objective must be smooth, of one group.
     goal : float
-        Steps end where no derivative exceeds the mean one by a larger part.
+        Steps end where no derivative exceeds the mean one by a larger part, or where at the rate
+        of the last hundred all that remain do not come that far.
     weights : ndarray, (n,), optional
         Weights to begin with, equal ones if None.
     steps : int
@@ -36,6 +39,7 @@ def multiplicative(
     n, terms = len(problem.start), problem.objective.terms
     weights = np.full(n, 1.0 / n) if weights is None else weights
     power = 1.0 if all(term.mean.kind == "D" for term in terms) else 0.5
+    before = np.inf
     for step in range(steps + 1):
         witness = problem.objective.witness(problem.information(weights))
         parts = zip(terms, witness, strict=True)
@@ -45,6 +49,11 @@ def multiplicative(
         level = float(weights @ derivatives)
         if step == steps or derivatives.max() <= (1.0 + goal) * level:
             break
+        if step and step % _LOOK == 0:
+            excess = derivatives.max() / level - 1.0
+            if excess * (excess / before) ** ((steps - step) / _LOOK) > goal:
+                break
+            before = excess
         least = np.minimum(weights, _LEAST)
         weights = np.maximum(weights * np.maximum(derivatives, 0.0) ** power, least)
         weights = weights / weights.sum()

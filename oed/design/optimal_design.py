@@ -13,7 +13,7 @@ from oed.design.constraints import Constraints
 from oed.design.design import SHOWN as SHOWN, Design as Design
 from oed.design.polytope import Polytope
 from oed.design.problem import DesignProblem, DesignSolver
-from oed.design.solvers import design_solver
+from oed.design.solvers import design_solvers
 from oed.information_sets.candidates import Candidates, check_candidates
 from robotmodels.common.arrays import Array, real_numbers
 from robotmodels.common.errors import InvalidInput, SolverFailed
@@ -26,8 +26,8 @@ def optimal_design(
     prior: Array | None = None,
     tolerance: float = 1e-6,
     max_rounds: int = 50,
-    solver: str | DesignSolver = "cvxpy",
-    form: str = "primal",
+    solver: str | DesignSolver = "auto",
+    form: str | None = None,
 ) -> Design:
     """Return the weights that maximise the criterion, certified over all candidates.
 
@@ -49,11 +49,12 @@ def optimal_design(
     max_rounds : int
         Largest number of active sets.
     solver : str or DesignSolver
-        "cvxpy", short for `Cvxpy()` (Clarabel, then SCS); "newton", short for `Newton()`, the
-        barrier method of this package, which is faster and takes every criterion but E; or a solver
-        of your own. Where a solver stalls, `Newton` goes on; `Design.solver` names every one.
-    form : str
-        Form of the shorthand "cvxpy", "primal" or "dual".
+        "newton", short for `Newton()`, the barrier method of this package, which takes every
+        criterion but E; "cvxpy", short for `Cvxpy()` (SCS, then Clarabel); a solver of your own; or
+        "auto", the former where it can, and the latter. Where one stalls, others go on;
+        `Design.solver` names every one.
+    form : str, optional
+        Form of "cvxpy", "primal" or "dual"; None is the former, and with "auto" no wish for cvxpy.
 
     Raises
     ------
@@ -66,15 +67,14 @@ def optimal_design(
         fit, or constraints do not fit or conflict (it says which).
     """
     check_candidates(info)
-    method = design_solver(solver, form)
     if not tolerance > 0:
         raise InvalidInput(f"tolerance: {tolerance!r} is not a number > 0")
     objective = objective_of(criterion, info.names, info.samples)
-    method.check(objective)
+    solvers = design_solvers(solver, form, objective)
     problem = DesignProblem(
         info, objective, allowed_weights(constraints, len(info)), checked_prior(prior, info)
     )
-    design = solve(problem, tolerance, max_rounds, method)
+    design = solve(problem, tolerance, max_rounds, solvers)
     if not design.gap <= tolerance:
         raise SolverFailed(
             f"optimal design: the certified gap is {design.gap:.2g} after {design.rounds} rounds, "

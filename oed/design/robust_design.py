@@ -86,7 +86,7 @@ def robust_design(
         samples = InformationSamples(tuple(samples))
     base = objective_of(criterion, samples.names)
     # They are only compared with: whoever finds them, the certificate is the same.
-    fast = options | {"solver": "newton"} if base.smooth else options
+    fast = options | {"solver": "auto", "form": None}
     local = [optimal_design(one, criterion, **fast) for one in samples.sets]
     best = [base.log_value(design.information) for design in local]
     robust_criterion: Criterion = AverageCriterion(criterion, shares)

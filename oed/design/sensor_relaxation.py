@@ -15,7 +15,6 @@ from oed.design.constraints import Constraints
 from oed.design.design import Design
 from oed.design.optimal_design import optimal_design
 from oed.design.polytope import Polytope
-from oed.design.solvers import fast_solver
 from oed.information_sets.information_set import InformationSet
 from robotmodels.common.arrays import Array, BoolArray, IntArray
 from robotmodels.common.errors import SolverFailed
@@ -67,8 +66,7 @@ class SensorProblem:
         self, info: InformationSet, limits: Constraints | Polytope | None, tolerance: float
     ) -> Design:
         """Return the optimal design over columns `info`."""
-        solver = fast_solver(self.objective)
-        return optimal_design(info, self.objective, limits, self.prior, tolerance, solver=solver)
+        return optimal_design(info, self.objective, limits, self.prior, tolerance)
 
 
 def relaxed_choice(problem: SensorProblem, reached: float) -> tuple[float, Array]:

@@ -12,26 +12,33 @@ from oed.design.problem import DesignSolver, ScaledProblem, SolverAnswer
 from robotmodels.common.errors import InvalidInput, SolverFailed
 
 
-def design_solver(solver: str | DesignSolver, form: str = "primal") -> DesignSolver:
-    """Return a solver; "newton" and "cvxpy" with a `form` are shorthands of `Newton` and `Cvxpy`.
+def design_solvers(
+    solver: str | DesignSolver, form: str | None, objective: Objective
+) -> tuple[DesignSolver, ...]:
+    """Return the solvers that are asked in turn until an answer is certified.
+
+    "auto" begins with `Newton` where the objective is smooth, and with "cvxpy" elsewhere or where
+    there is a `form`; "newton" and "cvxpy" are short for `Newton` and `Cvxpy`. Whatever else there
+    is, `Newton` goes on where it stalls.
 
     Raises
     ------
     InvalidInput
-        If there is no solver or form of that name.
+        If there is no solver or form of that name, or it does not take the objective.
     """
-    named: dict[str, DesignSolver] = {"cvxpy": Cvxpy(form), "newton": Newton()}
+    conic = Cvxpy("primal" if form is None else form)
+    automatic = Newton() if objective.smooth and form is None else conic
+    named: dict[str, DesignSolver] = {"auto": automatic, "cvxpy": conic, "newton": Newton()}
     if isinstance(solver, str):
         check_word("solver", solver, named)
-        return named[solver]
-    if not isinstance(solver, DesignSolver):
+    elif not isinstance(solver, DesignSolver):
         raise InvalidInput(f"solver {solver!r} is neither a name nor a `DesignSolver`")
-    return solver
-
-
-def fast_solver(objective: Objective) -> DesignSolver:
-    """Return the fastest solver that takes an objective."""
-    return Newton() if objective.smooth else Cvxpy()
+    first = named[solver] if isinstance(solver, str) else solver
+    first.check(objective)
+    turns = first.each() if isinstance(first, Cvxpy) else (first,)
+    if not isinstance(first, Newton):
+        return (*turns, Newton())
+    return (*turns, *conic.each()) if solver == "auto" else turns
 
 
 def checked_answer(answer: SolverAnswer, few: ScaledProblem) -> SolverAnswer:

@@ -10,7 +10,7 @@ from oed.design.active_set import solve
 from oed.design.design import Design
 from oed.design.polytope import Polytope
 from oed.design.problem import DesignProblem
-from oed.design.solvers import fast_solver
+from oed.design.solvers import design_solvers
 from oed.exact.exchange import ExactProblem
 from oed.information_sets.candidates import Candidates, Matrices
 from robotmodels.common.arrays import Array, IntArray
@@ -144,8 +144,9 @@ class BranchAndBound:
 
     def _solved(self, few: Matrices, allowed: Polytope) -> Design | None:
         problem = DesignProblem(few, self.problem.objective, allowed, self.problem.prior)
+        fastest = design_solvers("auto", None, problem.objective)[:1]
         try:
-            design = solve(problem, _GAP, 20, fast_solver(problem.objective), trim=False)
+            design = solve(problem, _GAP, 20, fastest, trim=False)
         except IdentificationError:
             return None  # the bound of the node before holds on
         return design if np.isfinite(design.gap) else None

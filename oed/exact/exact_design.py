@@ -16,7 +16,6 @@ from oed.design.design import SHOWN, Design
 from oed.design.optimal_design import checked_prior, optimal_design
 from oed.design.polytope import Polytope
 from oed.design.problem import DesignProblem
-from oed.design.solvers import fast_solver
 from oed.exact.exchange import ExactProblem, Pool, complete_greedily, exchange
 from oed.exact.minimum_experiments import first_sample, too_few
 from oed.information_sets.candidates import Candidates, check_candidates
@@ -156,9 +155,7 @@ def relax(
     allowed = _allowed(n_experiments, constraints, len(info))
     prior_information = checked_prior(prior, info)
     if design is None:
-        design = optimal_design(
-            info, objective, allowed, prior_information, solver=fast_solver(objective)
-        )
+        design = optimal_design(info, objective, allowed, prior_information)
         weights = design.weights
     elif constraints is None:
         weights = float(allowed.bounds[0]) * checked_weights(design.weights, len(info))

@@ -20,7 +20,6 @@ from oed.design.design import Design
 from oed.design.optimal_design import optimal_design
 from oed.design.polytope import Polytope
 from oed.design.problem import DesignProblem
-from oed.design.solvers import fast_solver
 from oed.exact.local_ascent import Region, local_maxima, new_positions
 from oed.information_sets.candidates import check_candidates, sensitivities
 from oed.information_sets.compute import information
@@ -199,8 +198,7 @@ def refined_over(
             f"refine: max_rounds {max_rounds!r} and tolerance {tolerance!r} must be positive"
         )
     objective = objective_of(criterion, info.names, info.samples)
-    solver = fast_solver(objective)
-    optimal = partial(optimal_design, criterion=criterion, prior=prior, solver=solver)
+    optimal = partial(optimal_design, criterion=criterion, prior=prior)
     finer = finer[region.usable(finer)] if len(finer) else finer
     check = _joined(info, finer, region.evaluate(finer)) if len(finer) else info
     candidates, first = info, optimal(info)

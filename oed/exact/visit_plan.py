@@ -20,7 +20,6 @@ from oed.design.constraints import Constraints
 from oed.design.design import Design
 from oed.design.fastest_design import FastestDesign, fastest_design
 from oed.design.optimal_design import checked_prior, optimal_design
-from oed.design.solvers import fast_solver
 from oed.exact.plan_score import standard_deviations
 from oed.exact.visit_bound import VisitBound
 from oed.exact.visit_search import VisitSearch
@@ -165,7 +164,7 @@ def visit_plan(
     limits = Constraints(time=time, durations=candidates.duration)
 
     def best(one: Objective) -> Design:
-        return optimal_design(info, one, limits, before, solver=fast_solver(one))
+        return optimal_design(info, one, limits, before)
 
     def best_value(one: Objective) -> float:
         return one.log_value(best(one).information)

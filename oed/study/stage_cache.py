@@ -39,7 +39,18 @@ Result = TypeVar("Result", covariant=True)
 
 PACKAGE = "elastic-robot-oed"
 _LOG = logging.getLogger(__name__)
-_PACKAGES = (PACKAGE, "numpy", "scipy", "pin", "mujoco", "cvxpy", "clarabel", "emcee", "numba")
+_PACKAGES = (
+    PACKAGE,
+    "numpy",
+    "scipy",
+    "pin",
+    "mujoco",
+    "cvxpy",
+    "clarabel",
+    "scs",
+    "emcee",
+    "numba",
+)
 _RECORD, _KEY, _RESULT = "stage.json", "key", "result.h5"
 _MOST_BYTES = 2**20
 _CACHE_FILES = frozenset({_RECORD, "stage.part.json", _KEY})

@@ -32,7 +32,7 @@
         - {name: b2x, joint: shoulder_lift_joint, axis: x, stiffness: 1.0e+6, damping: 1.0e+3}
         - structure.yaml         # or a robot file with further springs, which go together
       tolerance: 1.0e-6          # certified gap
-      solver: cvxpy              # or newton, which is faster and takes every criterion but E
+      solver: auto               # newton, which takes every criterion but E, where it can; or cvxpy
 
 A time counts a move from home and back for each experiment, so that it suffices in any order.
 A robust design holds for samples of theta: the robot file's, and others whose logarithms are normal
@@ -118,7 +118,7 @@ class DesignChoice(FileSection):
     robust: RobustChoice | None = None
     tell_apart: Annotated[tuple[Spring | str, ...], Field(max_length=64)] = ()
     tolerance: Annotated[float, Field(ge=1e-12, le=1)] = 1e-6
-    solver: Literal["cvxpy", "newton"] = "cvxpy"
+    solver: Literal["auto", "cvxpy", "newton"] = "auto"
 
     @model_validator(mode="after")
     def _interest(self) -> Self:
