@@ -13,7 +13,9 @@ import typer
 
 from reports.commands import register_all
 from reports.commands.options import fail
+from reports.commands.quiet import HELP
 from reports.commands.stopping import watched_signals
+from reports.summaries.progress import QUIET
 from robotmodels.common.errors import IdentificationError
 from robotmodels.common.file_paths import disk_full, reason
 
@@ -47,8 +49,10 @@ def _oed(
             "--version", callback=_version, is_eager=True, help="Print the version and end."
         ),
     ] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help=HELP)] = False,
 ) -> None:
     """Take the options before a command."""
+    QUIET.set(quiet)
 
 
 def run() -> None:

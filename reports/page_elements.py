@@ -101,12 +101,22 @@ class Number:
         """The value to eight digits."""
         return f"{self.value:.8g}"
 
+    @property
+    def compound(self) -> bool:
+        """Whether the text says more than the value: a range, a deviation, a count of several."""
+        return any(mark in self.text for mark in (" to ", " ± ", " of ", " → "))
 
-def number_cell(
-    value: float, words: Callable[..., str] = text.percent, *options: int, struck: str = ""
-) -> Number:
-    """Return a number in words, a share unless others are given; a dash where there is none."""
+
+def number_cell(value: float, words: Callable[..., str], *options: int, struck: str = "") -> Number:
+    """Return a number in words; a dash where there is none."""
     return Number(words(value, *options) if math.isfinite(value) else "–", value, struck)
+
+
+def percent_cell(fraction: float, struck: str = "", unbounded: str = "–") -> Number:
+    """Return a fraction in per cent, the unit being in the heading; `unbounded` if infinite."""
+    if math.isinf(fraction):
+        return Number(unbounded, fraction, struck)
+    return number_cell(100 * fraction, text.significant, 2, struck=struck)
 
 
 Cell = str | Number
@@ -159,6 +169,11 @@ def numbers(*titles: str) -> list[Column]:
     return [Column(title, "n") for title in titles]
 
 
+def in_unit(unit: str, *titles: str) -> list[Column]:
+    """Return columns of numbers that have one unit."""
+    return numbers(*(f"{title} [{unit}]" for title in titles))
+
+
 def page(
     title: str,
     kind: str,
@@ -196,6 +211,21 @@ def page(
             script=Markup("".join(map(_file, _SCRIPTS))),
             light=Markup(json.dumps(asdict(LIGHT))),
         )
+    )
+
+
+def page_banner(
+    verdict: str, kind: str, reason: str, *, quote: str = "", next_step: str = ""
+) -> Markup:
+    """Return the banner of a page: may the reader trust it, what to quote, what to do next.
+
+    Parameters
+    ----------
+    kind : {"sound", "doubtful", "refused"}
+        Its looks.
+    """
+    return filled(
+        "banner.html.j2", verdict=verdict, kind=kind, reason=reason, quote=quote, step=next_step
     )
 
 

@@ -24,6 +24,7 @@ from reports.commands import (
     structure,
     view,
 )
+from reports.commands.quiet import add_quiet
 
 _IN_ORDER = (
     init,
@@ -53,3 +54,4 @@ def register_all(app: typer.Typer) -> None:
     """Add every command to `app`, in the order in which help lists them."""
     for command in _IN_ORDER:
         command.register(app)
+    add_quiet(app)

@@ -74,7 +74,7 @@ def predict(
     frame = frame if link else replace(frame, link=tool_frame(robot).link)
     drawn = _draws(fitted, draws, seed) if draws else None
     prediction = predict_tool(fitted, positions, frame, omega, spread=drawn, **words)
-    files = _written(prediction, robot, (output or folder).resolve())
+    files = _written(prediction, fitted, robot, (output or folder).resolve())
     say(
         lambda: tool_summary(prediction, files),
         lambda: tool_document(prediction) | {"files": list(map(str, files))},
@@ -92,7 +92,12 @@ def _draws(fitted: "FittedModel | ElasticRobot", count: int, seed: int) -> "Arra
     return parameter_draws(fitted.parameters.values, covariance, max(count, 2), rng)
 
 
-def _written(prediction: "ToolPrediction", robot: "ElasticRobot", target: Path) -> list[Path]:
+def _written(
+    prediction: "ToolPrediction",
+    fitted: "FittedModel | ElasticRobot",
+    robot: "ElasticRobot",
+    target: Path,
+) -> list[Path]:
     """Write tables, numbers and the page into a folder, and return the files."""
     from reports.pages.prediction_page import write_prediction_page
     from reports.summaries import prediction_summary as summary
@@ -108,7 +113,9 @@ def _written(prediction: "ToolPrediction", robot: "ElasticRobot", target: Path) 
     with staged_folder(target) as staged:
         for name, content in contents.items():
             (staged / name).write_text(content, encoding="utf-8")
-        write_prediction_page(prediction, robot.name, staged / "prediction.html")
+        write_prediction_page(
+            prediction, robot.name, staged / "prediction.html", getattr(fitted, "trust", None)
+        )
     return [target / name for name in (*contents, "prediction.html")]
 
 

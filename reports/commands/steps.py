@@ -1,6 +1,10 @@
 """``oed design``, ``oed fit``, ``oed sample``: a study as far as one of its results."""
 
+import shlex
 from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -16,15 +20,22 @@ from reports.commands.studies import (
 )
 from reports.commands.visit_study import compute_visit_study
 
+if TYPE_CHECKING:
+    from oed.study.stage_cache import Failure
+
 _PURPOSE = {
     "design": "Choose where to measure: candidates, optimal design, whole experiments, what they "
-    "promise; writes design.json.",
+    "promise; writes design.json and the page design.html.",
     "fit": "Take or simulate the data of a study and fit them; writes design.json and fit.json.",
     "sample": "Say how certain the fit of a study is, by Theorem 1 and emcee; "
     "writes uncertainty.json.",
 }
 _RESUMED = "What an earlier command computed is kept while nothing it rests on changes."
-_WRITTEN = {"design": "design.json", "fit": "fit.json", "sample": "uncertainty.json"}
+_WRITTEN = {
+    "design": ("design.json", "design.html"),
+    "fit": ("fit.json",),
+    "sample": ("uncertainty.json",),
+}
 
 
 def register(app: typer.Typer) -> None:
@@ -58,9 +69,17 @@ def _up_to(name: str) -> Callable[..., None]:
             "fit": pipeline.fit_study,
             "sample": pipeline.run_study,
         }
-        results = compute_study(study, steps[name], workers, fresh, cluster=cluster)
-        written = [results.study.output / _WRITTEN[name]]
+        pages = partial(_design_page, study) if name == "design" else None
+        results = compute_study(study, steps[name], workers, fresh, pages, cluster=cluster)
+        written = [results.study.output / file for file in _WRITTEN[name]]
         say(lambda: study_summary(results, written), lambda: study_json(results, written), as_json)
         end_with_failures(study, results)
 
     return command
+
+
+def _design_page(study: Path, results: Any, folder: Path, progress: Any) -> "tuple[Failure, ...]":
+    from reports.pages.design_page import write_design_page
+
+    write_design_page(results, folder / "design.html", f"oed design {shlex.quote(str(study))}")
+    return ()

@@ -19,15 +19,16 @@ from reports.page_elements import (
     Table,
     figure,
     filled,
-    number_cell,
     numbers,
     page,
+    page_banner,
+    percent_cell,
     table,
 )
 from reports.sections import run_spectra
 from reports.sections.friction import friction_table
 from reports.sections.parameters import kind_of
-from reports.sections.verdict import discredited, interval_words
+from reports.sections.verdict import discredited, interval_cells
 from reports.summaries.campaign_summary import (
     PURPOSES,
     headline,
@@ -58,14 +59,11 @@ def write_campaign_page(
         sections += _spectra(campaign, status.estimate, fitted_visits(status.visits)[-_LATEST:])
     step = next_command(status, command)
     doubtful = status.state in ("in doubt", "out of reach", "minutes used")
-    banner = filled(
-        "banner.html.j2",
-        verdict=headline(status),
-        kind="doubtful" if doubtful else "sound",
-        reason=_reason(status),
-        quote=f"Next: {step}"
-        if step
-        else "The identified robot is in robot.yaml, beside this page.",
+    banner = page_banner(
+        headline(status),
+        "doubtful" if doubtful else "sound",
+        _reason(status),
+        next_step=step or "use the identified robot in robot.yaml, beside this page",
     )
     content = page(
         title=campaign.robot.name,
@@ -128,20 +126,20 @@ def parameter_table(campaign: Campaign, status: CampaignStatus) -> Table | None:
         struck = "" if borne else discredited(one)
         row: Row = (
             one.name,
-            Number(text.fixed(one.value / factor, decimals), one.value, struck),
-            interval_words(one, factor, decimals),
+            Number(text.fixed(one.value / factor, decimals), one.value / factor, struck),
+            *interval_cells(one, factor, decimals),
             unit,
-            Number(text.percent(std), std, struck),
-            number_cell(target),
+            percent_cell(std, struck),
+            percent_cell(target),
             _progress_cell(status, i),
             str(one.verdict),
         )
         groups.setdefault(kind_of(one.name), []).append(row)
     columns = (
         Column("parameter", code=True),
-        *numbers("estimate", "95 % interval"),
+        *numbers("estimate", "95 % from", "to"),
         Column("unit", "u"),
-        *numbers("std", "asked for", "std of the last fits"),
+        *numbers("std [%]", "target [%]", "std of the last fits [%]"),
         Column("verdict"),
     )
     caption = "Estimates with 95 % intervals, relative standard deviations and their targets."
@@ -152,7 +150,9 @@ def parameter_table(campaign: Campaign, status: CampaignStatus) -> Table | None:
 def _progress_cell(status: CampaignStatus, i: int) -> Cell:
     """Return the last standard deviations of a parameter, oldest first."""
     std = status.history.std[-3:, i]
-    return Number(" → ".join(text.percent(float(value)) for value in std), float(std[-1]))
+    return Number(
+        " → ".join(percent_cell(float(value)).text for value in std), 100 * float(std[-1])
+    )
 
 
 def _visits(campaign: Campaign, status: CampaignStatus, command: str) -> Section:
@@ -192,9 +192,9 @@ def visit_table(campaign: Campaign, status: CampaignStatus) -> Table:
         *numbers("visit"),
         Column("purpose"),
         Column("position"),
-        *numbers("periods", "minutes"),
+        *numbers("periods", "time [min]"),
         Column("state"),
-        *numbers("torque", "speed", "cost"),
+        *numbers("torque / limit", "speed / limit", "cost / expected"),
     ]
     caption = (
         "Visits in the order of proposal. Of those that are fitted the largest torque and speed of "

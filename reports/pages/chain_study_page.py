@@ -12,8 +12,8 @@ from reports import text
 from reports.figures.chain_study_figures import cross_panels, direct_panels
 from reports.page_elements import Figure, Section, figure, filled, page
 from reports.pages import chain_study_tables as tables
+from reports.pages.chains_page import chains_banner
 from reports.summaries.chain_study_summary import largest_errors
-from reports.summaries.chains_summary import verdict_of
 from robotmodels.common.atomic_files import write_text
 
 
@@ -44,6 +44,7 @@ def write_chain_study_page(results: ChainStudyResults, path: Path) -> None:
         else "Inverse eigenvalue identification of coupled chains, simulated",
         lead="Masses, springs and couplings from motor torques and angles alone, step by step.",
         sections=sections,
+        banner=chains_banner(results.measured),
     )
     write_text(path, content)
 
@@ -53,14 +54,11 @@ def _section(name: str, title: str, **contents: object) -> Section:
 
 
 def _facts(results: ChainStudyResults) -> dict[str, str]:
-    verdict = verdict_of(results.measured)
     errors = largest_errors(results)
     count, length = results.truth.masses.shape
     return {
         "chains": text.plural(count, "chain"),
         "masses": str(length),
-        "verdict": str(verdict),
-        "reason": verdict.reason,
         **{name: text.percent(error) for name, (error, _) in errors.items()},
     }
 

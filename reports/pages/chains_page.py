@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+from markupsafe import Markup
 
 from estimators.chain_dampers.chains_from_records import MeasuredChains
 from estimators.chains.model_order import WrongModeCount
@@ -15,11 +16,14 @@ from reports.page_elements import (
     figure,
     filled,
     page,
+    page_banner,
 )
 from reports.pages import chains_tables as tables
-from reports.summaries.chains_summary import refused, verdict_of
+from reports.sections.verdict import KINDS
+from reports.summaries.chains_summary import method_of, refused, verdict_of
 from robotmodels.common.atomic_files import write_text
 
+_CHAINS_STEP = "check the number of masses against the resonances, then measure more blocks"
 _CLEARLY_WORSE = 1.5  # misfit of the fit with dampers over that of the modes
 
 
@@ -38,7 +42,23 @@ def write_chains_page(shown: MeasuredChains, source: Path, path: Path) -> None:
                 "alone, and how certain they are."
             ),
             sections=chains_sections(shown, source),
+            banner=chains_banner(shown),
         ),
+    )
+
+
+def chains_banner(shown: MeasuredChains) -> Markup:
+    """Return the verdict on identified chains."""
+    verdict = verdict_of(shown)
+    quotable = verdict.gives_interval
+    return page_banner(
+        text.sentence(str(verdict)),
+        KINDS.get(verdict, "refused"),
+        text.typeset(text.sentence(verdict.reason)),
+        quote=f"Quote the recommended intervals ({method_of(shown)})."
+        if quotable
+        else "Quote no number of this page.",
+        next_step="" if quotable else _CHAINS_STEP,
     )
 
 
@@ -93,11 +113,9 @@ def chains_sections(shown: MeasuredChains, source: Path) -> list[Section]:
 
 def _facts(shown: MeasuredChains) -> dict[str, str]:
     identification = shown.identification
-    e, verdict = shown.recommended, verdict_of(shown)
+    e = shown.recommended
     hidden = any(map(refused, e.intervals))
     return {
-        "verdict": str(verdict),
-        "reason": verdict.reason,
         "chains": text.plural(len(identification.masses), "chain"),
         "lines": text.plural(len(identification.modes.data.omega), "line"),
         "low": text.hertz(identification.modes.data.omega[0]),

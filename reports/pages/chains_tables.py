@@ -6,7 +6,7 @@ from estimators.chain_dampers.chains_from_records import MeasuredChains
 from estimators.chains.parameter_maps import ChainLayout
 from estimators.trust.intervals import Interval
 from reports import text
-from reports.page_elements import Cell, Column, Number, Table, numbers, table
+from reports.page_elements import Cell, Column, Number, Table, numbers, percent_cell, table
 from reports.summaries.chains_summary import in_hertz, method_of, refused, unit
 
 
@@ -26,7 +26,7 @@ def parameter_table(shown: MeasuredChains) -> Table:
         rows.append((i.name, *cells, unit(i.name)))
     columns = [
         Column("parameter", code=True),
-        *numbers("value", "std", "95 % from", "to", "inverse problem", "std"),
+        *numbers("value", "std [%]", "95 % from", "to", "inverse problem", "its std [%]"),
         Column("unit", "u"),
     ]
     caption = f"Recommended: {method_of(shown)}. Beside it the inverse eigenvalue problem."
@@ -74,9 +74,9 @@ def mode_table(shown: MeasuredChains) -> Table:
             for i in range(len(modes.zeros))
         ]
         rows.append(row)
-    chains = [f"zero, chain {i + 1}" for i in range(len(modes.zeros))]
-    columns = numbers("mode", "pole", "damping", *chains)
-    caption = "Undamped frequencies of poles and zeros [Hz], with one standard deviation."
+    chains = [f"zero, chain {i + 1} [Hz]" for i in range(len(modes.zeros))]
+    columns = numbers("mode", "pole [Hz]", "damping [%]", *chains)
+    caption = "Undamped frequencies of poles and zeros, with one standard deviation."
     return table("mode-table", caption, columns, rows)
 
 
@@ -129,7 +129,10 @@ def other_table(shown: MeasuredChains) -> Table:
                 "" if hidden else _percent(float(e.relative_std[k])),
             ]
         rows.append(row)
-    heads = ("damping free by modes", "std", "dampers at springs", "std")
+    heads = (
+        *("damping free by modes", "its std [%]"),
+        *("dampers at springs", "std with dampers [%]"),
+    )
     columns = [Column("parameter", code=True), *numbers(*heads[: 2 * len(estimates)])]
     caption = "; ".join(f"{e.method}: {e.verdict}" for e in estimates) + "."
     return table("damped-table", caption, columns, rows)
@@ -158,7 +161,7 @@ def _hertz(omega: float, std: float) -> Number:
 
 
 def _percent(value: float) -> Cell:
-    return "given" if value == 0 else Number(text.percent(value), value)
+    return "given" if value == 0 else percent_cell(value)
 
 
 def significant(value: float) -> Number:

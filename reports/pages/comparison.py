@@ -5,7 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
+from estimators.uncertainty.estimate_differences import Differences, estimate_differences
 from oed.study.results import StudyResults
 from reports import text
 from reports.figures import uncertainty_figures
@@ -18,9 +20,12 @@ from reports.page_elements import (
     Table,
     figure,
     filled,
+    in_unit,
     number_cell,
     numbers,
     page,
+    page_banner,
+    percent_cell,
     table,
 )
 from reports.sections.verdict import discredited
@@ -28,12 +33,17 @@ from reports.summaries import columns
 from reports.summaries.study_summary import study_json
 from robotmodels.common.arrays import Array
 from robotmodels.common.atomic_files import write_text
+from robotmodels.common.plain_data import json_data
+
+FALSE_ALARM = 0.05
+"""Probability that any difference of a pair of studies is called significant by chance."""
 
 Studies = Mapping[str, StudyResults]
 
 
 def write_comparison(studies: Studies, path: Path) -> None:
     """Write a page that compares studies, by name."""
+    differences = pairwise_differences(studies)
     content = page(
         title=text.listed(list(studies)),
         kind="studies side by side",
@@ -54,16 +64,17 @@ def write_comparison(studies: Studies, path: Path) -> None:
                     "Relative standard deviation of every parameter, a dot per study",
                 ),
             ),
-            *estimates(studies),
+            *estimates(studies, differences),
         ],
+        banner=comparison_banner(studies, differences),
     )
     path.parent.mkdir(parents=True, exist_ok=True)
     write_text(path, content)
 
 
-def estimates(studies: Studies) -> list[Section]:
+def estimates(studies: Studies, differences: Mapping[str, Differences]) -> list[Section]:
     """Return the section that compares estimates; none of different robots."""
-    if len({r.robot.name for r in studies.values()}) > 1:
+    if not differences:
         return []
     first = next(iter(studies))
     forest = figure(
@@ -73,7 +84,75 @@ def estimates(studies: Studies) -> list[Section]:
         ),
         "Estimates of every study against those of the first",
     )
-    return [_section("estimates", "Estimates", first=first, forest=forest)]
+    tables = [
+        difference_table(f"differences-{k}", f"{name} less those of {first}", one)
+        for k, (name, one) in enumerate(differences.items(), start=1)
+    ]
+    return [_section("estimates", "Estimates", first=first, forest=forest, differences=tables)]
+
+
+def pairwise_differences(studies: Studies) -> dict[str, Differences]:
+    """Return the differences of every later study to the first, of studies of one robot."""
+    if len({r.robot.name for r in studies.values()}) > 1:
+        return {}
+    (_, reference), *others = studies.items()
+    fits = {name: r.fits.result for name, r in others}
+    return {name: estimate_differences(reference.fits.result, fit) for name, fit in fits.items()}
+
+
+def significant_names(differences: Differences) -> list[str]:
+    """Return the parameters that differ, at 5 % over all of them together (Bonferroni)."""
+    limit = FALSE_ALARM / max(len(differences.names), 1)
+    pairs = zip(differences.names, differences.probabilities, strict=True)
+    return [name for name, probability in pairs if probability < limit]
+
+
+def comparison_banner(studies: Studies, differences: Mapping[str, Differences]) -> Markup:
+    """Return which study is the most certain, and whether the estimates agree."""
+    spread = {name: r.fit_summary.spread[1] for name, r in studies.items()}
+    quotable = {name: value for name, value in spread.items() if np.isfinite(value)}
+    best = min(quotable, key=lambda name: quotable[name]) if quotable else ""
+    reason = "No study has a standard deviation to quote"
+    if best:
+        reason = f"{best} has the least mean standard deviation, {text.percent(quotable[best])}"
+    if not differences:
+        return page_banner("Studies of different robots", "sound", reason)
+    differing = {name: significant_names(one) for name, one in differences.items()}
+    words = [f"{name}: {text.listed(names)}" for name, names in differing.items() if names]
+    if words:
+        verdict = f"The estimates differ significantly from those of {next(iter(studies))}"
+        step = f"find out why these differ before quoting them: {'; '.join(words)}"
+        return page_banner(verdict, "doubtful", reason, next_step=step)
+    return page_banner(
+        "The estimates agree", "sound", reason, next_step=f"quote {best}" if best else ""
+    )
+
+
+def difference_table(id: str, whose: str, one: Differences) -> Table:
+    """Return the differences of a study to the first, with their significance."""
+    rows: list[Row] = []
+    values = zip(one.names, one.values, one.std, one.correlation, one.probabilities, strict=True)
+    for parameter, difference, std, correlation, probability in values:
+        rows.append(
+            (
+                parameter,
+                percent_cell(float(difference)),
+                percent_cell(float(std)),
+                number_cell(float(correlation), text.fixed, 2),
+                number_cell(float(probability), text.probability),
+            )
+        )
+    columns_ = [
+        Column("parameter", code=True),
+        *in_unit("%", "difference", "±"),
+        *numbers("correlation", "p-value"),
+    ]
+    caption = (
+        f"Logarithms of the estimates of {whose}. Where both use the same "
+        "measured frequency responses their errors are correlated, which the standard deviation "
+        "allows for; the p-value is two-sided, of one parameter alone."
+    )
+    return table(id, caption, columns_, rows)
 
 
 def all_names(studies: Studies) -> list[str]:
@@ -100,24 +179,24 @@ def overview_table(studies: Studies) -> Table:
         plan, fit = r.plan_summary, r.fit_summary
         values: list[Cell] = [
             *(_count(v) for v in (plan.candidates, plan.positions, plan.experiments, plan.runs)),
-            Number(text.efficiency(plan.efficiency), plan.efficiency),
+            number_cell(100 * plan.efficiency, text.fixed, 2),
             Number(text.significant(fit.residual_ratio, 3), fit.residual_ratio),
-            *(number_cell(v) for v in fit.spread),
+            *(percent_cell(v) for v in fit.spread),
         ]
         rows.append([name, r.robot.name, str(r.trust.verdict), *values])
     titles = [
         "candidates",
         "positions",
-        "experiments",
+        "visits",
         "runs",
-        "efficiency",
+        "efficiency [%]",
         "residuals over expected",
     ]
     columns_ = [
         Column("study"),
         Column("robot"),
         Column("verdict"),
-        *numbers(*titles, "least std", "mean std", "largest std"),
+        *numbers(*titles, "least std [%]", "mean std [%]", "largest std [%]"),
     ]
     caption = (
         "Key figures; standard deviations are relative, the recommended ones of the parameters "
@@ -146,7 +225,7 @@ def std_table(studies: Studies) -> Table:
         row: list[Cell] = [
             name,
             *(
-                number_cell(float(s[i]), struck=why.get(name, ""))
+                percent_cell(float(s[i]), why.get(name, ""))
                 for s, why in zip(stds, struck, strict=True)
             ),
         ]
@@ -155,7 +234,9 @@ def std_table(studies: Studies) -> Table:
     first, *others = studies
     header = [
         Column("parameter", code=True),
-        *numbers(*studies, *(f"{other} / {first}" for other in others)),
+        *numbers(
+            *(f"{study} [%]" for study in studies), *(f"{other} / {first}" for other in others)
+        ),
     ]
     caption = "Recommended relative standard deviations, and their ratios."
     return table("std-table", caption, header, rows)
@@ -169,16 +250,20 @@ def comparison_summary(studies: Studies, path: Path) -> str:
             str(r.plan_summary.positions),
             str(r.plan_summary.experiments),
             str(r.plan_summary.runs),
-            *(columns.plain(number_cell(v).text).replace("–", "-") for v in r.fit_summary.spread),
+            *(columns.plain(text.percent(v)).replace("–", "-") for v in r.fit_summary.spread),
             str(r.trust.verdict),
         )
         for name, r in studies.items()
     ]
     header = (
-        "studies", "posi-\ntions", "experi-\nments", "runs", "least\nstd", "mean\nstd",
+        "studies", "posi-\ntions", "visits", "runs", "least\nstd", "mean\nstd",
         "largest\nstd", "verdict",
     )  # fmt: skip
     lines = columns.table(header, rows, right=(1, 2, 3, 4, 5, 6))
+    for name, one in pairwise_differences(studies).items():
+        differing = significant_names(one)
+        words = f"differs significantly in {text.listed(differing)}" if differing else "agrees"
+        lines += columns.wrapped(f"{name} {words} (with {next(iter(studies))})")
     return "\n".join([*lines, f"  report   {path}"])
 
 
@@ -186,6 +271,9 @@ def comparison_json(studies: Studies, path: Path) -> dict[str, Any]:
     """Return the comparison for scripts."""
     return {
         "studies": {name: study_json(r, []) for name, r in studies.items()},
+        "differences": {
+            name: json_data(one) for name, one in pairwise_differences(studies).items()
+        },
         "files": [str(path)],
     }
 

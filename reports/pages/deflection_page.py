@@ -16,9 +16,11 @@ from reports.page_elements import (
     Table,
     figure,
     filled,
-    number_cell,
+    in_unit,
     numbers,
     page,
+    page_banner,
+    percent_cell,
     table,
 )
 from reports.sections.verdict import KINDS, discredited, interval_words
@@ -44,11 +46,10 @@ def write_deflection_page(results: DeflectionResults, path: Path, command: str =
                 _tests(results),
                 _provenance(results, command),
             ],
-            banner=filled(
-                "banner.html.j2",
-                verdict=text.sentence(str(verdict)),
-                kind=KINDS.get(verdict, "refused"),
-                reason=text.typeset(text.sentence(verdict.reason)),
+            banner=page_banner(
+                text.sentence(str(verdict)),
+                KINDS.get(verdict, "refused"),
+                text.typeset(text.sentence(verdict.reason)),
                 quote="Intervals include noise and the systematic terms.",
             ),
         ),
@@ -103,11 +104,16 @@ def _systematic(results: DeflectionResults) -> Section:
     shifts = results.fit.systematic_shifts()
     names = list(dict.fromkeys(name for each in shifts.values() for name in each))
     rows: list[Row] = [
-        (term, *(number_cell(each.get(name, np.nan)) for name in names))
+        (term, *(percent_cell(each.get(name, np.nan)) for name in names))
         for term, each in shifts.items()
     ]
     caption = "Relative change of each result if that assumption were otherwise."
-    shown = table("systematic", caption, [Column("if otherwise"), *numbers(*names)], rows)
+    shown = table(
+        "systematic",
+        caption,
+        [Column("if otherwise"), *in_unit("%", *names)],
+        rows,
+    )
     return Section(
         "systematic", "Systematic terms", filled("deflection_systematic.html.j2", shifts=shown)
     )
@@ -137,12 +143,12 @@ def share_table(results: DeflectionResults) -> Table:
     kinds = {"fitted": results.fitted_shares, "other": results.shares}
     names = list(dict.fromkeys(name for share in results.fitted_shares for name in share))
     rows: list[Row] = [
-        (f"{kind} {i}", *(number_cell(share.get(name, np.nan)) for name in names))
+        (f"{kind} {i}", *(percent_cell(share.get(name, np.nan)) for name in names))
         for kind, shares in kinds.items()
         for i, share in enumerate(shares, start=1)
     ]
     caption = "Share of the springs’ part of the deflection that is explained."
-    return table("explained", caption, [Column("movement"), *numbers(*names)], rows)
+    return table("explained", caption, [Column("movement"), *in_unit("%", *names)], rows)
 
 
 def _tests(results: DeflectionResults) -> Section:
@@ -151,7 +157,7 @@ def _tests(results: DeflectionResults) -> Section:
         (
             term.motor,
             term.term,
-            Number(text.percent(term.share), term.share),
+            percent_cell(term.share),
             Number(text.probability(term.p_value), term.p_value),
             "missing" if term.matters else "not missed",
             term.remark,
@@ -161,7 +167,7 @@ def _tests(results: DeflectionResults) -> Section:
     columns = [
         Column("motor"),
         Column("term"),
-        *numbers("share", "probability"),
+        *numbers("share [%]", "p-value"),
         Column("verdict"),
         Column("its size, and what it means", "words"),
     ]

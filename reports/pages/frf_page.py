@@ -22,14 +22,20 @@ from reports.page_elements import (
     Table,
     figure,
     filled,
+    number_cell,
     numbers,
     page,
+    page_banner,
+    percent_cell,
     table,
 )
 from reports.summaries.frf_summary import excess, loop_words, ranked, relative_std
 from robotmodels.common.arrays import Array
 from robotmodels.common.atomic_files import write_text
 from robotmodels.common.progress import StageProgress
+
+_DISTORTED = 2.0
+"""Total variance over that of noise from which distortion dominates."""
 
 
 def write_frf_page(
@@ -48,8 +54,24 @@ def write_frf_page(
                 "is noise and how much distortion."
             ),
             sections=frf_sections(measurement, source, progress),
+            banner=_banner(measurement),
         ),
     )
+
+
+def _banner(measurement: MeasuredFrf) -> Markup:
+    """Return how good the FRFs are, and what would make them better."""
+    std = text.percent(float(np.median(relative_std(measurement))))
+    verdict = f"Frequency responses to {std}, one standard deviation, in the median"
+    warnings, ratio = measurement.warnings, excess(measurement)
+    reason = text.sentence(warnings[0]) if warnings else "No warning"
+    step = "fit them: oed identify, or a study with data.frf"
+    if np.isfinite(ratio) and ratio > _DISTORTED:
+        step = (
+            "for smaller standard deviations measure more blocks; more periods would not help, as "
+            "distortion dominates"
+        )
+    return page_banner(verdict, "doubtful" if warnings else "sound", reason, next_step=step)
 
 
 def frf_sections(
@@ -201,7 +223,7 @@ def level_table(measurement: MeasuredFrf) -> Table:
     columns = [
         *numbers("position"),
         Column("output"),
-        *numbers("std", "noise", "distortion", "odd", "even"),
+        *numbers("std [%]", "noise [%]", "distortion [%]", "odd [dB]", "even [dB]"),
     ]
     caption = (
         "Standard deviations relative to the element, medians over lines and inputs; odd and even "
@@ -220,12 +242,14 @@ def excitation_table(measurement: MeasuredFrf) -> Table:
     """Return independent torques and condition number of every line, a column a position."""
     e, rows = measurement.excitation, []
     for f, omega in enumerate(e.omega):
-        row: list[Cell] = [Number(text.hertz(omega), omega)]
+        row: list[Cell] = [number_cell(omega / (2 * np.pi), text.significant)]
         row.append(Number(str(e.rank[:, f].min()), int(e.rank[:, f].min())))
         row += [Number(text.significant(float(c), 3), float(c)) for c in e.condition[:, f]]
         rows.append(row)
     count = len(e.positions)
-    columns = numbers("frequency", "independent", *(f"condition {q + 1}" for q in range(count)))
+    columns = numbers(
+        "frequency [Hz]", "independent", *(f"condition {q + 1}" for q in range(count))
+    )
     caption = (
         "Independent torques above their noise, the fewest of any position, and the condition "
         "number in each position."
@@ -236,11 +260,11 @@ def excitation_table(measurement: MeasuredFrf) -> Table:
 def method_table(comparison: MethodComparison) -> Table:
     """Return the methods, best first, with relative error and bias, rms over lines."""
     rows = [
-        (name.upper(), Number(text.percent(error), error), Number(text.percent(bias), bias))
+        (name.upper(), percent_cell(error), percent_cell(bias))
         for name, error, bias in ranked(comparison)
     ]
     caption = "Relative error and bias, root mean square over lines, best first."
-    columns = [Column("method"), *numbers("error", "bias")]
+    columns = [Column("method"), *numbers("error [%]", "bias [%]")]
     return table("method-table", caption, columns, rows)
 
 
@@ -249,7 +273,7 @@ def _percent(values: Array) -> Cell:
     if not finite.size:
         return "–"
     median = float(np.median(finite))
-    return Number(text.percent(median), median)
+    return percent_cell(median)
 
 
 def _ratio(value: float) -> str:
@@ -264,4 +288,4 @@ def _below(level: Array, output: Array) -> Cell:
     if ratio == 0:
         return "in noise"
     decibels = 20 * float(np.log10(ratio))
-    return Number(f"{text.fixed(round(decibels) + 0.0, 0)}{text.THIN}dB", decibels)
+    return Number(text.fixed(round(decibels) + 0.0, 0), decibels)

@@ -4,8 +4,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from markupsafe import Markup
 
 from estimators.logs.search import Entry
+from reports import text
 from reports.figures.import_figures import signal_panels
 from reports.page_elements import (
     Cell,
@@ -17,6 +19,7 @@ from reports.page_elements import (
     filled,
     numbers,
     page,
+    page_banner,
     table,
 )
 from robotmodels.common.arrays import Array
@@ -65,8 +68,19 @@ def write_import_page(
             kicker="A controller's log",
             lead="What its channels mean, in which unit, and what that rests on.",
             sections=sections,
+            banner=_banner(bool(entries), findings),
         ),
     )
+
+
+def _banner(proposed: bool, findings: Sequence[str]) -> Markup:
+    """Return whether anything was converted, and what to do next."""
+    if proposed:
+        step = "correct import.yaml, then import with --mapping import.yaml"
+        return page_banner("A proposal: nothing was converted", "doubtful", "", next_step=step)
+    kind = "doubtful" if findings else "sound"
+    reason = text.sentence(findings[0]) if findings else "SI units, on the joint side of the gears"
+    return page_banner("Converted by the mapping", kind, reason)
 
 
 def _proposed_table(entries: Sequence[Entry]) -> Table:

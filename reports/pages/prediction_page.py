@@ -4,18 +4,29 @@ from pathlib import Path
 
 from markupsafe import Markup
 
+from estimators.trust.trust import Trust
 from estimators.validation.predict_tool import ToolPrediction
+from reports import text
 from reports.figures.prediction_figures import driving_point, workspace
-from reports.page_elements import Figure, Section, Table, figure, filled, page
+from reports.page_elements import Figure, Section, Table, figure, filled, page, page_banner
 from reports.sections.tool import prediction_table
+from reports.sections.verdict import KINDS, headline
 from robotmodels.common.atomic_files import write_text
 
 _SHOWN = 6
 """Positions whose responses are drawn."""
 
 
-def write_prediction_page(prediction: ToolPrediction, name: str, path: Path) -> None:
-    """Write a prediction as one HTML file that needs nothing else."""
+def write_prediction_page(
+    prediction: ToolPrediction, name: str, path: Path, trust: Trust | None = None
+) -> None:
+    """Write a prediction as one HTML file that needs nothing else.
+
+    Parameters
+    ----------
+    trust : Trust, optional
+        Of the fit that predicts; None of a robot file.
+    """
     frame = prediction.frame
     where = f"{frame.link} at {', '.join(f'{x:g}' for x in frame.at)} m, axes of the {frame.axes}"
     sections = [
@@ -30,7 +41,21 @@ def write_prediction_page(prediction: ToolPrediction, name: str, path: Path) -> 
         sections.append(Section("map", "Over the workspace", _body([drawing])))
     lead = f"What the identified parameters say of {where}, with {prediction.compliance.level:.0%} "
     lead += "bands of what they leave open; errors of the model are not in them."
-    write_text(path, page(name, "prediction", "How stiff the tool is", lead, sections))
+    content = page(
+        name, "prediction", "How stiff the tool is", lead, sections, _banner(prediction, trust)
+    )
+    write_text(path, content)
+
+
+def _banner(prediction: ToolPrediction, trust: Trust | None) -> Markup:
+    """Return the verdict on the fit, or on what the bands rest if there is none."""
+    level = f"Quote values with their {prediction.compliance.level:.0%} bands"
+    if trust is None:
+        reason = "The bands rest on the standard deviations of the robot file"
+        return page_banner("As certain as the robot file", "sound", reason, quote=f"{level}.")
+    kind, reason = KINDS.get(trust.verdict, "refused"), text.sentence(trust.verdict.reason)
+    words = f"{level}." if kind != "refused" else "Quote no band: they do not allow for this."
+    return page_banner(headline(trust), kind, text.typeset(reason), quote=words)
 
 
 def _responses(prediction: ToolPrediction, count: int) -> list[Figure]:

@@ -13,7 +13,7 @@ from oed.replication.replicate import Replication
 from oed.replication.time_domain_comparison import TimeDomainComparison
 from oed.study.settings.study_file import ESTIMATORS
 from reports import text
-from reports.page_elements import Cell, Column, Number, Table, numbers, table
+from reports.page_elements import Cell, Column, Number, Table, in_unit, numbers, percent_cell, table
 from robotmodels.common.arrays import Array
 
 _METHODS = {"frequency domain": "FRFs, LLS", "prediction error": "predictions"}
@@ -40,7 +40,11 @@ def shares(replication: Replication) -> Table:
         for name in ESTIMATORS
     ]
     headings = ["this study", *([] if other is None else ["as published"]), "paper"]
-    columns = [Column("estimator"), Column("reasonable by"), *numbers(*headings)]
+    columns = [
+        Column("estimator"),
+        Column("reasonable by"),
+        *in_unit("%", *headings),
+    ]
     caption = (
         "Reasonable models: those with a normalised cost below 1.5, and those whose springs lie "
         f"within half and twice the best model's (without {replication.hardest}, and all)."
@@ -95,11 +99,11 @@ def rival(comparison: TimeDomainComparison) -> Table:
     columns = [
         Column("starts"),
         Column("fit"),
-        *numbers("success", "springs", "dampers", "seconds", "given up"),
+        *numbers("success", "springs [%]", "dampers [%]", "time [s]", "given up"),
     ]
     caption = (
         "Success: all springs within 5 % of the truth. Springs, dampers: median error of the "
-        "successes, or of all fits where none succeeded. Seconds: per start."
+        "successes, or of all fits where none succeeded. Time: per start."
     )
     return table("rival-table", caption, columns, rows)
 
@@ -118,8 +122,8 @@ def minima(minima: LocalMinima) -> Table:
         )
         for one in minima.excitations
     ]
-    headings = [f"{name[:3]} {what}" for what in ("best", "error") for name in SEARCHED]
-    columns = numbers("amplitude", "blocks", "energy", "minutes", *headings)
+    headings = [f"{name[:3]} {what} [%]" for what in ("best", "error") for name in SEARCHED]
+    columns = numbers("amplitude", "blocks", "energy [%]", "time [min]", *headings)
     caption = (
         "Best: starts that end in the best minimum. Error: median of its springs whose truth is "
         "known. LLS with user-defined, NLS with optimal weights."
@@ -129,11 +133,11 @@ def minima(minima: LocalMinima) -> Table:
 
 def _percentage(error: float) -> Number:
     """Return exp(error) - 1 for people."""
-    return Number(f"{text.significant(100 * np.expm1(error), 2)}{text.THIN}%", error)
+    return percent_cell(float(np.expm1(error)))
 
 
 def _share(value: float) -> Number:
-    return Number(f"{text.fixed(100 * value, 0)}{text.THIN}%", 100 * value)
+    return Number(text.fixed(100 * value, 0), 100 * value)
 
 
 def _number(value: float) -> Cell:

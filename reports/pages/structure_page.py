@@ -18,6 +18,7 @@ from reports.page_elements import (
     filled,
     numbers,
     page,
+    page_banner,
     table,
 )
 from robotmodels.common.atomic_files import write_text
@@ -54,8 +55,22 @@ def write_structure_page(results: FittedStudy, structure: Structure, path: Path)
             Section("springs", "Springs", choice_body),
             Section("scores", "Score tests", scores_body),
         ],
+        banner=_banner(structure),
     )
     write_text(path, content)
+
+
+def _banner(structure: Structure) -> Markup:
+    """Return how many springs the data ask for, and what to do with them."""
+    springs, reason = structure.choice.springs, text.sentence(structure.choice.stopped)
+    if not springs:
+        step = "keep the springs of the robot file"
+        return page_banner("No spring is missing", "sound", reason, next_step=step)
+    verdict = f"{text.plural(len(springs), 'spring')} missing in the robot file"
+    step = "fit again with the robot file beside this page, which has the springs"
+    if any(structure.choice.twins[one.name] for one in springs):
+        step += "; of springs in one row the data cannot tell which it is: tie or fix all but one"
+    return page_banner(verdict, "doubtful", reason, next_step=step)
 
 
 def spring_table(structure: Structure) -> Table:

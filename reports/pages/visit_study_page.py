@@ -18,9 +18,11 @@ from reports.page_elements import (
     Table,
     figure,
     filled,
-    number_cell,
+    in_unit,
     numbers,
     page,
+    page_banner,
+    percent_cell,
     table,
 )
 from reports.summaries.visit_study_summary import promised_words, spectra_words
@@ -31,14 +33,22 @@ def write_visit_study_page(results: VisitStudyResults, path: Path, command: str 
     """Write the results of a study of visits as one HTML file that needs nothing else."""
     minutes = text.duration(float(results.seconds.sum()))
     visits = text.plural(len(results.visits), "visit")
+    missed = bool((results.overall_std > results.targets).any())
+    banner = page_banner(
+        "Targets out of reach" if missed else f"{visits} in {minutes}",
+        "doubtful" if missed else "sound",
+        text.sentence(promised_words(results)),
+        next_step="run the visits in their order, with the files of the folder visits",
+    )
     write_text(
         path,
         page(
             title=results.robot.name,
             kind="visits",
             kicker="Visits of an elastic robot",
-            lead=f"{visits} in {minutes}: {promised_words(results)}.",
+            lead="Which visits to run, how long they take, how certain they make each parameter.",
             sections=[_visits(results), _accuracy(results), _spectra(results), _files(command)],
+            banner=banner,
         ),
     )
 
@@ -66,18 +76,22 @@ def visit_table(results: VisitStudyResults) -> Table:
                 ", ".join(text.format_position(one.plan.positions[0], prismatic)),
                 one.excitation,
                 *(Number(str(n), n) for n in (one.plan.runs, one.plan.periods)),
-                Number(text.duration(float(starts[i])), float(starts[i])),
-                Number(text.duration(float(seconds)), float(seconds)),
+                _minutes(starts[i]),
+                _minutes(seconds),
             )
         )
     columns = [
         *numbers("visit"),
         Column("position"),
         Column("excitation"),
-        *numbers("runs", "periods", "begins at", "takes"),
+        *numbers("runs", "periods", "begins at [min]", "takes [min]"),
     ]
     caption = "Visits in order. Their time has the move, settling, transients and all periods."
     return table("visit-table", caption, columns, rows)
+
+
+def _minutes(seconds: float) -> Number:
+    return Number(text.fixed(seconds / 60, 1), seconds / 60)
 
 
 def _accuracy(results: VisitStudyResults) -> Section:
@@ -107,11 +121,11 @@ def accuracy_table(results: VisitStudyResults) -> Table:
     if not np.isnan(results.targets).all():
         columns["target"] = results.targets
     rows: list[Row] = [
-        (name, *(number_cell(float(one)) for one in values))
+        (name, *(percent_cell(float(one)) for one in values))
         for name, *values in zip(results.names, *columns.values(), strict=True)
     ]
     caption = "Relative standard deviations after these visits, by the model."
-    heads = [Column("parameter", code=True), *numbers(*columns)]
+    heads = [Column("parameter", code=True), *in_unit("%", *columns)]
     return table("accuracy-table", caption, heads, rows)
 
 

@@ -4,13 +4,13 @@ import numpy as np
 
 from oed.candidates.screening import ScreenedCandidates
 from oed.study.parts import DesignedPlan
-from oed.study.results import StudyResults
+from oed.study.results import PlannedStudy
 from reports import text
 from reports.page_elements import Column, Number, Row, Section, Table, filled, numbers, table
-from reports.sections.plan_labels import position_cells
+from reports.sections.plan_labels import position_cells, position_units
 
 
-def section(results: StudyResults) -> Section | None:
+def section(results: PlannedStudy) -> Section | None:
     """Return the section; None if the positions were not designed."""
     plan = results.plan
     if not isinstance(plan, DesignedPlan):
@@ -26,7 +26,7 @@ def section(results: StudyResults) -> Section | None:
     return Section("candidates", "Candidates", body)
 
 
-def range_table(results: StudyResults) -> Table:
+def range_table(results: PlannedStudy) -> Table:
     """Return the table of joints: limits, and the range of the candidates."""
     robot, positions = results.robot, results.plan.information.positions
     sides = [
@@ -34,12 +34,17 @@ def range_table(results: StudyResults) -> Table:
         for side in (*robot.position_limits.T, positions.min(axis=0), positions.max(axis=0))
     ]
     rows: list[Row] = []
+    units = position_units(results)
     for i, joint in enumerate(robot.motor_joints):
         values = len(np.unique(positions[:, i]))
-        rows.append((joint, *(side[i] for side in sides), Number(text.count(values), values)))
+        rows.append(
+            (joint, *(side[i] for side in sides), units[i], Number(text.count(values), values))
+        )
     columns = [
         Column("joint"),
-        *numbers("lower limit", "upper limit", "candidates from", "to", "values"),
+        *numbers("lower limit", "upper limit", "candidates from", "to"),
+        Column("unit", "u"),
+        *numbers("distinct values"),
     ]
     caption = "Limits of the joints, and the candidates within them."
     return table("ranges", caption, columns, rows)

@@ -16,8 +16,8 @@ from reports.page_elements import (
     Table,
     figure,
     filled,
-    number_cell,
     numbers,
+    percent_cell,
     table,
 )
 from reports.sections.plan_labels import cost
@@ -94,9 +94,9 @@ def std_table(comparison: PlanComparison) -> Table:
         for _, trials in groups:
             promised = _mean([t.promised.std[i] for t in trials])
             std = _mean([t.std[i] for t in trials])
-            row += [number_cell(promised), number_cell(std)]
+            row += [percent_cell(promised), percent_cell(std)]
         rows.append(row)
-    titles = [f"{name}: {what}" for name, _ in groups for what in ("Theorem 1", "simulated")]
+    titles = [f"{name}: {what} [%]" for name, _ in groups for what in ("Theorem 1", "simulated")]
     caption = (
         "Relative standard deviations by Theorem 1 and over the repeated simulations; of "
         "random plans the geometric mean."

@@ -2,7 +2,18 @@
 
 from estimators.validation.cross_check import CrossCheck
 from reports import text
-from reports.page_elements import Cell, Column, Section, Table, filled, number_cell, numbers, table
+from reports.page_elements import (
+    Cell,
+    Column,
+    Section,
+    Table,
+    filled,
+    in_unit,
+    number_cell,
+    numbers,
+    percent_cell,
+    table,
+)
 from reports.sections.verdict import discredited
 
 
@@ -26,12 +37,13 @@ def verdict_table(check: CrossCheck) -> Table:
     for i, name in enumerate(check.names):
         row: list[Cell] = [name]
         struck = discredited(check.trust.intervals[i])
-        row += [number_cell(float(std), struck=struck) for std in check.stds[:, i]]
+        row += [percent_cell(float(std), struck) for std in check.stds[:, i]]
         row.append(number_cell(ratio[i], text.fixed, 2))
         rows.append([*row, check.verdicts[i]])
     columns = [
         Column("parameter", code=True),
-        *numbers(*check.methods, "Theorem 1 / posterior"),
+        *in_unit("%", *check.methods),
+        *numbers("Theorem 1 / posterior"),
         Column("verdict"),
     ]
     return table("cross-check-table", "Relative standard deviations by method.", columns, rows)

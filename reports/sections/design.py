@@ -1,20 +1,29 @@
 """The design: efficiency of the positions, its certificate, and the limits on them."""
 
-import numpy as np
-
 from oed.design.robust_design import RobustDesign
 from oed.experiment.visiting_order import VisitingOrder
 from oed.study.parts import DesignedPlan
-from oed.study.results import FittedStudy, PlannedStudy, StudyResults
+from oed.study.results import FittedStudy, PlannedStudy
 from oed.study.settings.design_settings import DesignChoice
 from reports import text
 from reports.figures import study_figures
-from reports.page_elements import Column, Number, Section, Table, figure, filled, numbers, table
+from reports.page_elements import (
+    Column,
+    Number,
+    Section,
+    Table,
+    figure,
+    filled,
+    in_unit,
+    numbers,
+    percent_cell,
+    table,
+)
 from reports.sections.plan_labels import cost
 from reports.sections.verdict import discredited
 
 
-def section(results: StudyResults) -> Section | None:
+def section(results: PlannedStudy) -> Section | None:
     """Return the section; None if the positions come with the data."""
     plan, summary = results.plan, results.plan_summary
     if not isinstance(plan, DesignedPlan):
@@ -38,7 +47,7 @@ def section(results: StudyResults) -> Section | None:
         cost=cost(results),
         promised=promised_table(results),
         powers=results.powers,
-        ends=[(one.name, _std(one.std).text) for one in (summary.best, summary.worst)],
+        ends=[(one.name, text.percent(one.std)) for one in (summary.best, summary.worst)],
         gap=text.one_and(summary.gap),
         efficiency=text.efficiency(summary.efficiency),
         limits=text.listed(limits(results.study.design)),
@@ -55,9 +64,9 @@ def limits(choice: DesignChoice) -> list[str]:
     """Return in words the limits of the plan besides the number of experiments."""
     phrases = []
     if choice.most is not None:
-        phrases.append(f"at most {text.plural(choice.most, 'experiment')} in one position")
+        phrases.append(f"at most {text.plural(choice.most, 'visit')} in one position")
     if choice.time is not None:
-        phrases.append(f"{text.duration(choice.time)} for experiments and moves")
+        phrases.append(f"{text.duration(choice.time)} for visits and moves")
     if choice.mandatory:
         phrases.append(f"{text.plural(len(choice.mandatory), 'mandatory position')}")
     if choice.forbidden:
@@ -92,7 +101,7 @@ def promised_table(results: PlannedStudy) -> Table:
     for one in results.plan_summary.promised:
         came = _std(float(std.get(one.name, float("nan"))), why.get(one.name, ""))
         rows.append((one.name, _std(one.std), came))
-    columns = [Column("parameter", code=True), *numbers("promised", "recommended")]
+    columns = [Column("parameter", code=True), *in_unit("%", "promised", "recommended")]
     caption = (
         "Relative standard deviations: promised by the plan’s information at the values of the "
         "robot file, and recommended after the fit."
@@ -101,8 +110,7 @@ def promised_table(results: PlannedStudy) -> Table:
 
 
 def _std(value: float, struck: str = "") -> Number:
-    words = text.percent(value) if np.isfinite(value) else "–" if np.isnan(value) else "unknown"
-    return Number(words, value, struck)
+    return percent_cell(value, struck, unbounded="undetermined")
 
 
 def robust_table(robust: RobustDesign) -> Table:
@@ -111,6 +119,8 @@ def robust_table(robust: RobustDesign) -> Table:
     pairs = zip(robust.efficiency, robust.nominal_efficiency, strict=True)
     for k, values in enumerate(pairs):
         row = [Number("file" if not k else str(k), k)]
-        rows.append([*row, *(Number(text.percent(float(v)), float(v)) for v in values)])
+        rows.append([*row, *(percent_cell(float(v)) for v in values)])
     caption = "Efficiency at each sample of the parameters, against the best design of that sample."
-    return table("robust", caption, numbers("sample", "robust design", "nominal design"), rows)
+    return table(
+        "robust", caption, numbers("sample", "robust design [%]", "nominal design [%]"), rows
+    )

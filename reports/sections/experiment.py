@@ -15,8 +15,8 @@ from reports.page_elements import (
     Section,
     Table,
     filled,
-    number_cell,
-    numbers,
+    in_unit,
+    percent_cell,
     table,
 )
 from robotmodels.common.arrays import Array
@@ -46,12 +46,12 @@ def peak_table(o: Outcome, motors: tuple[str, ...]) -> Table:
     for i, motor in enumerate(motors):
         values = [Number(text.significant(float(c[i])), float(c[i])) for c in columns]
         saturated = float(o.saturated[i])
-        rows.append(
-            [motor, *values, Number(text.percent(saturated) if saturated else "–", saturated)]
-        )
-    titles = numbers(
-        "torque predicted [N m]", "met [N m]", "speed predicted [rad/s]", "met [rad/s]", "saturated"
-    )
+        rows.append([motor, *values, percent_cell(saturated)])
+    titles = [
+        *in_unit("N m", "torque predicted", "torque met"),
+        *in_unit("rad/s", "speed predicted", "speed met"),
+        *in_unit("%", "saturated"),
+    ]
     caption = (
         "Peaks on the motor shafts: predicted by the linear model, start of each run "
         "included, and met in the measured periods; runs in which the torque was clipped."
@@ -69,7 +69,7 @@ def level_table(distortion: Distortion, estimate: FrfEstimate, outputs: tuple[st
         rows.append(
             [output]
             + [
-                number_cell(v)
+                percent_cell(v)
                 for v in (
                     _median(noise[:, :, i]) / scale,
                     _median(beside[:, :, i]) / scale,
@@ -82,7 +82,7 @@ def level_table(distortion: Distortion, estimate: FrfEstimate, outputs: tuple[st
         "Noise and distortion over the median element of the row, medians over positions, lines "
         "and inputs; odd and even distortion over the excited motion."
     )
-    titles = numbers("noise", "distortion", "odd", "even")
+    titles = in_unit("%", "noise", "distortion", "odd", "even")
     return table("levels", caption, [Column("output"), *titles], rows)
 
 

@@ -4,16 +4,19 @@ from collections.abc import Sequence
 
 from estimators.fitting.run_fit import FrictionLevel
 from reports import text
-from reports.page_elements import Column, Number, Row, Table, number_cell, numbers, table
+from reports.page_elements import Column, Number, Row, Table, in_unit, number_cell, table
 
 
 def friction_table(levels: Sequence[FrictionLevel]) -> Table | None:
     """Return the level of each motor beside that of the robot file; None without any."""
     if not levels:
         return None
-    columns = [Column("motor", code=True), *numbers("level", "std", "lowest", "highest", "file")]
+    columns = [
+        Column("motor", code=True),
+        *in_unit("N m", "level", "std", "lowest", "highest", "file"),
+    ]
     caption = (
-        "Levels of the motors' Coulomb friction [N m]: means over positions with their standard "
+        "Levels of the motors' Coulomb friction: means over positions with their standard "
         "deviations, the lowest and highest of a position, and those of the robot file."
     )
     return table("friction", caption, columns, [_row(one) for one in levels])

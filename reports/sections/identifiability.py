@@ -4,7 +4,16 @@ import numpy as np
 
 from estimators.uncertainty.identifiability import Identifiability
 from reports import text
-from reports.page_elements import Column, Number, Section, Table, filled, numbers, table
+from reports.page_elements import (
+    Column,
+    Number,
+    Section,
+    Table,
+    filled,
+    numbers,
+    percent_cell,
+    table,
+)
 
 WEAKEST = 5
 """Directions shown."""
@@ -30,7 +39,7 @@ def direction_table(identifiability: Identifiability) -> Table:
         for k in order
     ]
     caption = "Least certain directions of the logarithms, of unit length."
-    return table("directions", caption, [*numbers("std"), Column("direction", "words")], rows)
+    return table("directions", caption, [*numbers("std [%]"), Column("direction", "words")], rows)
 
 
 def price_table(identifiability: Identifiability) -> Table:
@@ -43,7 +52,7 @@ def price_table(identifiability: Identifiability) -> Table:
         rows.append((name, _std(std), _std(alone), Number(text.significant(price), price)))
     columns = [
         Column("parameter", code=True),
-        *numbers("std", "std, others fixed", "widens the others by"),
+        *numbers("std [%]", "std, others fixed [%]", "inflation of the others"),
     ]
     caption = "Standard deviations with all others free and with all others fixed."
     return table("prices", caption, columns, rows)
@@ -69,4 +78,4 @@ def _mixture(identifiability: Identifiability, k: int) -> str:
 
 
 def _std(value: float) -> Number:
-    return Number(text.percent(value) if np.isfinite(value) else "unknown", value)
+    return percent_cell(value, unbounded="undetermined")

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from estimators.trust.intervals import Interval
 from oed.study.results import StudyResults
 from reports import text
 from reports.figures import uncertainty_figures
@@ -16,8 +15,9 @@ from reports.page_elements import (
     filled,
     number_cell,
     numbers,
+    percent_cell,
 )
-from reports.sections.verdict import agreement, discredited, interval_words
+from reports.sections.verdict import agreement, discredited, interval_cells
 from robotmodels.common.arrays import Array
 
 _KINDS = {"stiffness": "Springs", "damping": "Dampers"}
@@ -62,9 +62,9 @@ def parameter_table(results: StudyResults) -> Table:
         *(numbers("truth") if has_truth.any() else []),
         *numbers("estimate", "±"),
         Column("unit", "u"),
-        *numbers("std", "95 % interval", "dof"),
+        *numbers("std [%]", "95 % from", "to", "dof"),
         Column("verdict"),
-        *numbers("Theorem 1", "emcee", "Theorem 1 / emcee"),
+        *numbers("Theorem 1 [%]", "emcee [%]", "Theorem 1 / emcee"),
         *(numbers("z") if has_truth.any() else []),
     ]
     groups: dict[str, list[tuple[Cell, ...]]] = {}
@@ -95,12 +95,12 @@ def _row(results: StudyResults, i: int, with_truth: bool) -> list[Cell]:
         Number(text.fixed(value / factor, decimals), value / factor, struck),
         number_cell(relative * value / factor, text.fixed, decimals, struck=struck),
         unit,
-        number_cell(relative, struck=struck),
-        Number(interval_words(one, factor, decimals), _width(one) / factor),
+        percent_cell(relative, struck=struck),
+        *interval_cells(one, factor, decimals),
         Number(dof_words(one.dof), one.dof),
         str(one.verdict),
-        number_cell(theorem1, struck=struck),
-        number_cell(sampled, struck=struck),
+        percent_cell(theorem1, struck=struck),
+        percent_cell(sampled, struck=struck),
         number_cell(theorem1 / sampled, text.fixed, 2),
     ]
     return [*row, number_cell(z, text.fixed, 1)] if with_truth else row
@@ -111,11 +111,6 @@ def dof_words(dof: float) -> str:
     if not np.isfinite(dof):
         return "unknown" if np.isnan(dof) else "∞"
     return text.significant(dof, 2) if dof < 100 else text.count(round(dof))
-
-
-def _width(one: Interval) -> float:
-    """Return the width of an interval, by which it sorts; not a number where an end is open."""
-    return float("nan") if one.low is None or one.high is None else one.high - one.low
 
 
 def _quotable(results: StudyResults) -> Array:

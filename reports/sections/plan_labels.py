@@ -1,7 +1,10 @@
 """Words for the positions of a plan, its experiments and its runs."""
 
+import numpy as np
+
 from estimators.frf.repeated_visits import visits_of
 from oed.study.results import PlannedStudy, StudyResults
+from oed.study.robot_time import robot_time
 from reports import text
 from reports.page_elements import Number
 from robotmodels.common.arrays import Array
@@ -14,18 +17,27 @@ def counts(results: PlannedStudy) -> dict[str, int]:
 
 
 def cost(results: PlannedStudy) -> str:
-    """Return ``15 experiments, 90 runs``."""
-    return ", ".join(text.plural(count, noun) for noun, count in counts(results).items())
+    """Return ``15 visits, 90 runs, 12 min 0 s``; a lower bound of the time is called so."""
+    words = [text.plural(count, noun) for noun, count in counts(results).items()]
+    return ", ".join([*words, *filter(None, [time_words(results)])])
+
+
+def time_words(results: PlannedStudy) -> str:
+    """Return ``12 min 0 s`` or ``at least 12 min 0 s`` of robot time; nothing if it is unknown."""
+    time = robot_time(results)
+    if time is None:
+        return ""
+    return f"{'at least ' if time.bound else ''}{text.duration(time.seconds)}"
 
 
 def experiments(results: PlannedStudy, candidate: int) -> str:
-    """Return the number of experiments in one candidate position, ``2 experiments``."""
+    """Return the number of experiments in one candidate position, ``2 visits``."""
     return text.plural(int(results.plan.exact.repetitions[candidate]), experiment_noun(results))
 
 
 def experiment_noun(results: PlannedStudy) -> str:
     """Return the noun of what is counted in a position: measured FRFs tell only blocks."""
-    return "block" if results.measured and not results.study.fits_runs else "experiment"
+    return "block" if results.measured and not results.study.fits_runs else "visit"
 
 
 def data_words(results: PlannedStudy) -> str:
@@ -33,16 +45,25 @@ def data_words(results: PlannedStudy) -> str:
     return "outputs of runs" if results.study.fits_runs else "frequency responses"
 
 
-def prismatic(results: StudyResults) -> list[bool]:
+def prismatic(results: PlannedStudy) -> list[bool]:
     """Return whether each motor's joint is prismatic."""
     robot = results.robot
     return [joint in robot.elements.prismatic for joint in robot.motor_joints]
 
 
-def position_cells(results: StudyResults, position: Array) -> list[Number]:
-    """Return the entries of a table for a position (n,) [rad or m]."""
-    words = text.format_position(position, prismatic(results))
-    return [Number(word, float(value)) for word, value in zip(words, position, strict=True)]
+def position_cells(results: PlannedStudy, position: Array) -> list[Number]:
+    """Return the entries of a table for a position (n,) [rad or m], in degrees or m."""
+    straight = prismatic(results)
+    shown = np.where(straight, position, np.degrees(position))
+    return [
+        Number(text.fixed(float(value), 3 if sliding else 0), float(value))
+        for value, sliding in zip(shown, straight, strict=True)
+    ]
+
+
+def position_units(results: PlannedStudy) -> list[str]:
+    """Return the unit of each coordinate in tables."""
+    return ["m" if straight else "°" for straight in prismatic(results)]
 
 
 def visit_labels(results: StudyResults) -> list[str]:
@@ -58,7 +79,7 @@ def visit_labels(results: StudyResults) -> list[str]:
     return words
 
 
-def labels(results: StudyResults) -> list[str]:
+def labels(results: PlannedStudy) -> list[str]:
     """Return a label for each position of the plan: number, angles, experiments."""
     straight = prismatic(results)
     position_labels = []

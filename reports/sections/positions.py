@@ -5,11 +5,17 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 from oed.study.parts import DesignedPlan, MeasuredPlan
-from oed.study.results import StudyResults
+from oed.study.results import PlannedStudy
 from reports import text
 from reports.figures import robot_pictures
 from reports.page_elements import Cell, Number, Section, Table, filled, numbers, table
-from reports.sections.plan_labels import experiment_noun, experiments, position_cells, prismatic
+from reports.sections.plan_labels import (
+    experiment_noun,
+    experiments,
+    position_cells,
+    position_units,
+    prismatic,
+)
 from robotmodels.elastic.rigid_pose import joint_origins
 
 
@@ -22,7 +28,7 @@ class Pose:
     drawing: Markup
 
 
-def section(results: StudyResults) -> Section:
+def section(results: PlannedStudy) -> Section:
     """Return the section."""
     body = filled(
         "positions.html.j2",
@@ -33,7 +39,7 @@ def section(results: StudyResults) -> Section:
     return Section("positions", "Positions", body)
 
 
-def poses(results: StudyResults) -> list[Pose]:
+def poses(results: PlannedStudy) -> list[Pose]:
     """Return a picture of the robot in each position."""
     plan = results.plan
     skeletons = [joint_origins(results.robot, position) for position in plan.positions]
@@ -47,7 +53,7 @@ def poses(results: StudyResults) -> list[Pose]:
     return pictures
 
 
-def position_table(results: StudyResults) -> Table:
+def position_table(results: PlannedStudy) -> Table:
     """Return the table of positions; without shares if the positions come with the data."""
     plan, measured = results.plan, results.measured
     rows = []
@@ -60,7 +66,9 @@ def position_table(results: StudyResults) -> Table:
             row.append(Number(text.fixed(share, 4) if share else "–", share))
         count = int(plan.exact.repetitions[i])
         rows.append([*row, Number(str(count), count)])
-    titles = ["no.", *results.robot.motor_names, *([] if measured else ["share"])]
+    axes = zip(results.robot.motor_names, position_units(results), strict=True)
+    titles = ["no.", *(f"{motor} [{unit}]" for motor, unit in axes)]
+    titles += [] if measured else ["share"]
     titles.append(f"{experiment_noun(results)}s")
     shares = "" if measured else f"; {_shares(plan)}"
     order = (
@@ -69,7 +77,7 @@ def position_table(results: StudyResults) -> Table:
         else "; numbers and rows in the order of visits"
     )
     caption = (
-        f"Motor angles over gear ratios, in degrees here and in radians in files{shares}; "
+        f"Motor angles over gear ratios; files have them in rad{shares}; "
         f"{experiment_noun(results)}s, each of {text.plural(plan.runs_per_visit, 'run')}{order}."
     )
     return table("plan", caption, numbers(*titles), rows)

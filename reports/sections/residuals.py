@@ -68,21 +68,24 @@ def direction_table(trust: Trust) -> Table | None:
         p, estimate, std, shift = (
             float(a[i]) for a in (tests.probabilities, tests.estimates, tests.std, tests.shift)
         )
-        unit = "" if tests.units[i] == "relative" else f" {tests.units[i]}"
+        unit = "–" if tests.units[i] == "relative" else text.pretty_unit(tests.units[i])
         rows.append(
             (
                 tests.names[i],
                 Number(text.probability(p), p),
-                Number(text.significant(estimate, 2) + unit, estimate),
-                Number(text.significant(std, 2) + unit, std),
-                Number(f"{text.significant(shift, 2)} std", shift),
+                Number(text.significant(estimate, 2), estimate),
+                Number(text.significant(std, 2), std),
+                unit,
+                Number(text.significant(shift, 2), shift),
                 trust.names[int(tests.moved[i])],
             )
         )
     columns = [
         Column("direction"),
-        *numbers("probability", "estimate", "±", "undetected, may move by"),
-        Column("parameter", code=True),
+        *numbers("p-value", "estimate", "±"),
+        Column("unit", "u"),
+        *numbers("undetected shift [std]"),
+        Column("of parameter", code=True),
     ]
     caption = (
         "Errors of the model that were tested, one at a time: the estimate of each as one more "

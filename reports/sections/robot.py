@@ -1,13 +1,13 @@
 """The robot: its motors and springs, as its file gives them."""
 
-from oed.study.results import StudyResults
+from oed.study.results import PlannedStudy
 from reports import text
 from reports.page_elements import Column, Number, Row, Section, Table, filled, numbers, table
 from robotmodels.description.friction import friction_sentences
 from robotmodels.description.robot_file import Hardening, Spring
 
 
-def section(results: StudyResults) -> Section:
+def section(results: PlannedStudy) -> Section:
     """Return the section."""
     body = filled(
         "robot.html.j2",
@@ -20,7 +20,7 @@ def section(results: StudyResults) -> Section:
     return Section("robot", "Robot", body)
 
 
-def motor_table(results: StudyResults) -> Table:
+def motor_table(results: PlannedStudy) -> Table:
     """Return the table of motors."""
     rows: list[Row] = []
     for motor in results.robot.file.motors:
@@ -38,7 +38,7 @@ def motor_table(results: StudyResults) -> Table:
     return table("motors", caption, columns, rows)
 
 
-def spring_table(results: StudyResults) -> Table:
+def spring_table(results: PlannedStudy) -> Table:
     """Return the table of springs and dampers, as the robot file has them."""
     robot = results.robot
     free = set(robot.parameters.names)

@@ -3,7 +3,7 @@
 from oed.study.results import StudyResults
 from reports import text
 from reports.page_elements import Section, filled
-from reports.sections.plan_labels import cost, counts, data_words
+from reports.sections.plan_labels import cost, counts, data_words, time_words
 
 
 def section(results: StudyResults) -> Section:
@@ -17,6 +17,7 @@ def section(results: StudyResults) -> Section:
         cost=cost(results),
         data=data_words(results),
         counts=counts(results),
+        time=time_words(results),
         ends=[
             (trust.names[i], text.percent(float(trust.std[i]))) for i in usable[:1] + usable[-1:]
         ],

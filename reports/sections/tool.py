@@ -19,8 +19,8 @@ def section(results: StudyResults) -> Section | None:
 def prediction_table(prediction: ToolPrediction) -> Table:
     """Return compliance, first resonance and damping of each position with their deviations."""
     columns = numbers(
-        "position", "softest [µm/N]", "± [%]", "middle [µm/N]", "stiffest [µm/N]",
-        "resonance [Hz]", "± [%]", "damping [%]", "± [%]",
+        "position", "softest [µm/N]", "softest ± [%]", "middle [µm/N]", "stiffest [µm/N]",
+        "resonance [Hz]", "resonance ± [%]", "damping [%]", "damping ± [%]",
     )  # fmt: skip
     rows: list[list[Cell]] = []
     compliance, resonances = prediction.compliance, prediction.resonances

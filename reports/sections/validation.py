@@ -16,6 +16,7 @@ from reports.page_elements import (
     figure,
     filled,
     numbers,
+    percent_cell,
     table,
 )
 from reports.sections.plan_labels import data_words, prismatic
@@ -57,14 +58,14 @@ def judged_table(validation: HeldOut) -> Table:
                 name,
                 Number(text.significant(one.misfit), one.misfit),
                 Number(text.probability(one.probability), one.probability),
-                Number(text.percent(float(covered[at])), float(covered[at])),
+                percent_cell(float(covered[at])),
                 str(one).split(";")[0],
             ]
         )
     level = text.percent(float(validation.theorem1.levels[_highest(validation.theorem1)]))
     columns = [
         Column("covariance"),
-        *numbers("misfit per datum", "probability", f"inside {level} regions"),
+        *numbers("misfit per datum", "p-value", f"inside {level} regions [%]"),
         Column("verdict", "words"),
     ]
     caption = (
@@ -81,10 +82,10 @@ def position_table(results: StudyResults, validation: HeldOut) -> Table:
     for q, position in enumerate(validation.estimate.positions):
         angles = ", ".join(text.format_position(position, straight))
         share = float(validation.theorem1.by_position[q, at])
-        rows.append([angles, Number(text.percent(share), share)])
+        rows.append([angles, percent_cell(share)])
     level = text.percent(float(validation.theorem1.levels[at]))
     caption = f"Elements inside their {level} regions, position by position."
-    columns = [Column("position"), *numbers("Theorem 1")]
+    columns = [Column("position"), *numbers("inside [%]")]
     return table("held-out", caption, columns, rows)
 
 

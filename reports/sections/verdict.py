@@ -1,4 +1,4 @@
-"""The verdict of a study in words: what holds, why, and which numbers to quote."""
+"""The verdict of a study in words: what holds, why, which numbers to quote, what to do next."""
 
 import numpy as np
 from markupsafe import Markup
@@ -6,9 +6,11 @@ from markupsafe import Markup
 from estimators.trust.intervals import Interval
 from estimators.trust.trust import Trust
 from estimators.validation.cross_check import WIDTH, CrossCheck
-from oed.study.results import StudyResults
+from oed.study.next_step import next_step
+from oed.study.results import FittedStudy, PlannedStudy, StudyResults
 from reports import text
-from reports.page_elements import filled
+from reports.page_elements import Number, number_cell, page_banner
+from reports.sections.plan_labels import cost
 
 KINDS = {
     "trustworthy": "sound",
@@ -19,16 +21,53 @@ KINDS = {
 """How a verdict looks on a page; all others are refused."""
 
 
-def banner(results: StudyResults) -> Markup:
-    """Return the banner of a page: verdict, reason, and which standard deviations to quote."""
-    trust = results.trust
-    return filled(
-        "banner.html.j2",
-        verdict=text.sentence(str(trust.verdict)),
-        kind=KINDS.get(trust.verdict, "refused"),
-        reason=text.typeset(text.sentence(trust.verdict.reason)),
-        quote=quote(trust, results.uncertainty.cross_check),
+def banner(results: PlannedStudy) -> Markup:
+    """Return the banner of a page: verdict, reason, which numbers to quote, what to do next."""
+    step = text.sentence(next_step(results).sentence)
+    if not isinstance(results, FittedStudy):
+        return page_banner(*_of_plan(results), next_step=f"{step} ({cost(results)})")
+    check = results.uncertainty.cross_check if isinstance(results, StudyResults) else None
+    return fit_banner(results.trust, check, step)
+
+
+def fit_banner(trust: Trust, check: CrossCheck | None, step: str) -> Markup:
+    """Return the banner of a fit; `step` is what to do next."""
+    return page_banner(
+        headline(trust),
+        KINDS.get(trust.verdict, "refused"),
+        text.typeset(text.sentence(trust.verdict.reason)),
+        quote=quote(trust, check),
+        next_step=step,
     )
+
+
+def _of_plan(results: PlannedStudy) -> tuple[str, str, str]:
+    """Return headline, kind and reason of a plan without data."""
+    summary = results.plan_summary
+    ends = [f"{text.percent(one.std)} ({one.name})" for one in (summary.best, summary.worst)]
+    if not np.isfinite(summary.worst.std):
+        ends[1] = f"undetermined ({summary.worst.name})"
+    reason = (
+        f"Expected relative standard deviations: {' to '.join(ends)}, if the robot is as its file "
+        f"says. The plan’s efficiency is at least {text.efficiency(summary.efficiency)}"
+    )
+    if summary.weak:
+        return "This plan leaves parameters undetermined", "doubtful", reason
+    return "This plan determines every parameter", "sound", reason
+
+
+def headline(trust: Trust) -> str:
+    """Return the verdict, and whether the numbers may be quoted."""
+    return f"{text.sentence(str(trust.verdict))}: {answer(trust)}"
+
+
+def answer(trust: Trust) -> str:
+    """Return whether the numbers may be quoted."""
+    count, p = len(usable(trust)), len(trust.names)
+    if 0 < count < p:
+        return f"quote {count} of {text.plural(p, 'parameter')} only"
+    reserve = " with reservations" if KINDS.get(trust.verdict) == "doubtful" else ""
+    return f"these numbers may be quoted{reserve}" if count else "do not quote these numbers"
 
 
 def discredited(interval: Interval) -> str:
@@ -73,6 +112,15 @@ def agreement(check: CrossCheck | None) -> str:
     if len(agree) == 2 and len(set(agree.values())) == 1:
         words = "both agree" if agree["emcee"] else "neither agrees"
     return f"Beside them {text.listed(widths)}: {words}."
+
+
+def interval_cells(one: Interval, factor: float, decimals: int) -> tuple[Number, Number]:
+    """Return the ends of an interval; a dash where there is none."""
+    ends = (float("nan") if end is None else end / factor for end in (one.low, one.high))
+    two_sided = one.low is not None and one.high is not None
+    words, digits = (text.fixed, decimals) if two_sided else (text.significant, 2)
+    low, high = (number_cell(end, words, digits) for end in ends)
+    return low, high
 
 
 def interval_words(one: Interval, factor: float = 1.0, decimals: int | None = None) -> str:

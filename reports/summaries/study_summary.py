@@ -7,14 +7,17 @@ import numpy as np
 
 from estimators.trust.trust import Trust
 from oed.study.json_output import promised_document
+from oed.study.next_step import next_step
 from oed.study.results import FittedStudy, PlannedStudy, StudyResults
+from oed.study.robot_time import robot_time
 from oed.study.summary import FitSummary, PlanSummary, UncertaintySummary
 from reports.sections.fit import reached_words
 from reports.sections.plan_labels import cost
-from reports.sections.verdict import discredited, interval_words
+from reports.sections.verdict import answer, discredited, interval_words
 from reports.summaries.columns import hung, plain, plural
 from reports.text import duration, efficiency, percent
 from robotmodels.common.arrays import IMPROBABLE
+from robotmodels.common.plain_data import json_data
 
 Lines = list[tuple[str, str]]
 _WEAKEST = 3
@@ -31,8 +34,9 @@ def study_summary(results: PlannedStudy, written: list[Path]) -> str:
         lines += _uncertainty_lines(results)
     if isinstance(results, FittedStudy):
         lines += _trust_lines(results.trust, results.fit_summary)
+    lines.append(("next", plain(next_step(results).sentence)))
     lines += [("FAILED", f"{one.name}: {one.reason}") for one in results.run.failures]
-    lines.append(("time", _time(results)))
+    lines.append(("computed", f"in {_time(results)}"))
     if results.run.loaded:
         lines.append(
             ("kept", f"{', '.join(results.run.loaded)} (nothing they rest on has changed)")
@@ -57,6 +61,8 @@ def study_json(results: PlannedStudy, written: list[Path]) -> dict[str, Any]:
         "gap": plan.gap,
         "efficiency": plan.efficiency,
         "promised": promised_document(plan),
+        "robot_time": json_data(robot_time(r)),
+        "next_step": json_data(next_step(r)),
     }
     if r.powers:
         document["springs"] = [vars(power) for power in r.powers]
@@ -160,7 +166,10 @@ def _uncertainty_lines(r: StudyResults) -> Lines:
 
 def _trust_lines(trust: Trust, fit: FitSummary) -> Lines:
     """Return the verdict, and the recommended intervals: all of few, else the best and worst."""
-    lines = [("verdict", f"{trust.verdict}: {trust.verdict.reason}")]
+    lines = [
+        ("verdict", f"{trust.verdict}: {trust.verdict.reason}"),
+        ("", f"{plain(answer(trust))} ({trust.method})"),
+    ]
     intervals = trust.intervals
     order = fit.usable
     shown = order if len(intervals) <= SHOWN else order[:1] + order[1:][-_WORST:]

@@ -52,6 +52,7 @@
     const group = (groups[box.dataset.choose] ??= []);
     group.push({ show, count: parts.length });
     const choose = (i) => group.forEach((one) => i < one.count && one.show(i));
+    box.addEventListener("reveal", ({ detail }) => choose(parts.indexOf(detail)));
     const step = (by) => choose((Number(select.value) + by + parts.length) % parts.length);
     select.addEventListener("change", () => choose(Number(select.value)));
     const back = make("button", "‹", { type: "button", "aria-label": `Previous ${what}` });
@@ -69,7 +70,9 @@
   // What is wider than its place says so.
   const scrolled = new ResizeObserver((entries) => {
     for (const { target } of entries) {
-      target.parentElement.classList.toggle("wider", target.scrollWidth > target.clientWidth + 1);
+      const wider = target.scrollWidth > target.clientWidth + 1;
+      target.parentElement.classList.toggle("wider", wider);
+      target.tabIndex = wider ? 0 : -1; // only what scrolls is a stop of the keyboard
     }
   });
   for (const one of all(".scroll")) scrolled.observe(one);
@@ -77,8 +80,11 @@
   // A link into a part that is hidden shows it.
   const reveal = () => {
     const target = location.hash && document.getElementById(decodeURIComponent(location.hash.slice(1)));
-    const details = target && target.closest("details");
+    if (!target) return;
+    const [details, part] = ["details", ".choice"].map((kind) => target.closest(kind));
     if (details) details.open = true;
+    if (part) part.parentElement.dispatchEvent(new CustomEvent("reveal", { detail: part }));
+    if (details || part) target.scrollIntoView();
   };
   addEventListener("hashchange", reveal);
   reveal();
@@ -90,7 +96,19 @@
     if (a !== "" && b !== "" && !Number.isNaN(x) && !Number.isNaN(y)) return x - y;
     return a.localeCompare(b, "en", { numeric: true });
   };
+  const FILTERED = 8; // rows from which a table can be filtered
   for (const table of all("table[data-sort]")) {
+    const named = all("tbody tr:not(.group)", table);
+    if (named.length >= FILTERED) {
+      const label = make("label", "Filter by name ", { class: "filter" });
+      const input = make("input", "", { type: "search", size: 14 });
+      label.append(input);
+      table.closest(".scroll").before(label);
+      input.addEventListener("input", () => {
+        const wanted = input.value.trim().toLowerCase();
+        for (const row of named) row.hidden = !row.cells[0].textContent.toLowerCase().includes(wanted);
+      });
+    }
     all("thead th", table).forEach((head, column) => {
       const button = make("button", head.textContent, { type: "button" });
       head.replaceChildren(button);
@@ -124,15 +142,45 @@
     save(name, url);
     setTimeout(() => URL.revokeObjectURL(url), 10000);
   };
+  // What is struck out on the page must not pass for a number elsewhere; ranges stay words.
+  const plain = (text) => text.trim().replace(/\s+/g, " ").replaceAll("\u2212", "-");
+  const told = (cell) => {
+    if (cell.querySelector("s")) return `struck out: ${worth(cell)}`;
+    return "words" in cell.dataset ? plain(cell.textContent) : worth(cell);
+  };
+  const latex = (table) => {
+    const escaped = (text) =>
+      text.replace(/[&%$#_{}]/g, "\\$&").replaceAll("~", "\\textasciitilde{}").replaceAll("^", "\\textasciicircum{}");
+    const powers = (text) =>
+      text
+        .replace(/×\s10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)/g, (_, digits) => `$\\times 10^{${ascii(digits)}}$`)
+        .replace(/([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)/g, (_, digits) => `$^{${ascii(digits)}}$`)
+        .replaceAll("−", "$-$").replaceAll("±", "$\\pm$").replaceAll("°", "$^\\circ$").replaceAll("≥", "$\\ge$");
+    const ascii = (digits) => [...digits].map((one) => "-0123456789"["⁻⁰¹²³⁴⁵⁶⁷⁸⁹".indexOf(one)]).join("");
+    const cell = (one) => {
+      const text = powers(escaped(one.textContent.trim().replace(/\s+/g, " ")));
+      return one.querySelector("s") ? `\\emph{${text}}` : text;
+    };
+    const heads = all("thead th", table);
+    const line = (cells) => `  ${cells.map(cell).join(" & ")} \\\\`;
+    const rows = all("tbody tr:not([hidden])", table).map((row) =>
+      row.classList.contains("group")
+        ? `  \\multicolumn{${heads.length}}{l}{${cell(row.cells[0])}} \\\\`
+        : line([...row.cells]));
+    const spec = heads.map((head) => (head.classList.contains("n") ? "r" : "l")).join("");
+    const caption = escaped(table.caption.textContent.trim().replace(/\s+/g, " "));
+    return [
+      `% ${caption}`, `\\begin{tabular}{${spec}}`, "  \\toprule", line(heads), "  \\midrule", ...rows,
+      "  \\bottomrule", "\\end{tabular}", "",
+    ].join("\n");
+  };
   const csv = (table) => {
     const quoted = (text) => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
     // A spreadsheet takes what begins so for a formula, unless an apostrophe marks it as text.
     const inert = (text) => (/^[=+@-]/.test(text) && Number.isNaN(Number(text)) ? `'${text}` : text);
     const cell = (text) => quoted(inert(text.trim().replace(/\s+/g, " ")));
     const line = (cells) => cells.map(cell).join(",");
-    // What is struck out on the page must not pass for a number elsewhere.
-    const told = (cell) => (cell.querySelector("s") ? `struck out: ${worth(cell)}` : worth(cell));
-    const rows = all("tbody tr:not(.group)", table);
+    const rows = all("tbody tr:not(.group, [hidden])", table);
     const head = all("thead th", table).map((cell) => cell.textContent);
     return [head, ...rows.map((row) => [...row.cells].map(told))].map(line).join("\r\n") + "\r\n";
   };
@@ -150,6 +198,19 @@
     for (const [name, colour] of Object.entries(LIGHT)) text = text.replaceAll(`var(--${name})`, colour);
     return text;
   };
+  for (const tool of all("[data-copy]")) {
+    tool.addEventListener("click", async () => {
+      const holder = tool.closest(".sheet");
+      const text = latex(holder.querySelector("table"));
+      try {
+        await navigator.clipboard.writeText(text);
+        tool.textContent = "copied";
+      } catch {
+        saveText(`${holder.id}.tex`, text, "application/x-tex"); // where pages must not copy
+      }
+      setTimeout(() => { tool.textContent = "LaTeX"; }, 2000);
+    });
+  }
   for (const tool of all("[data-save]")) {
     tool.addEventListener("click", () => {
       const holder = tool.closest("figure, .sheet, .choice");

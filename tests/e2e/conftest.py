@@ -41,9 +41,9 @@ def write_study(folder: Path, study: str = STUDY, robot: str = ROBOT) -> Path:
 
 
 def oed(*words: object) -> tuple[int, str, str]:
-    """Run the command line here; return its exit code, output and errors."""
+    """Run the command line here, without progress; return exit code, output and errors."""
     out, err, argv = io.StringIO(), io.StringIO(), sys.argv
-    sys.argv = ["oed", *map(str, words)]
+    sys.argv = ["oed", "--quiet", *map(str, words)]
     try:
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
             cli.main()

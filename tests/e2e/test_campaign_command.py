@@ -48,7 +48,8 @@ def test_from_a_template_to_a_status(tmp_path: Path, monkeypatch) -> None:
     status = status_of("c.yaml")
     assert [visit["state"] for visit in status["visits"]] == ["told"] * len(status["visits"])
     content = page.read_text()
-    for words in ("Ask for the next visits", "Next: oed campaign ask c.yaml", "a2.stiffness"):
+    assert "<strong>Next:</strong> oed campaign ask c.yaml" in content
+    for words in ("Ask for the next visits", "a2.stiffness"):
         assert words in content
     for section in ("progress", "visits", "torques", "runs"):
         assert f'id="{section}"' in content

@@ -27,10 +27,10 @@ def steps(tmp_path_factory):
 def test_each_command_adds_its_file(steps):
     _, said = steps
     assert [sorted(files) for _, files in said.values()] == [
-        ["design.json"],
-        ["design.json", "fit.json"],
-        ["design.json", "fit.json", "uncertainty.json"],
-        ["design.json", "fit.json", "report.html", "uncertainty.json"],
+        ["design.html", "design.json"],
+        ["design.html", "design.json", "fit.json"],
+        ["design.html", "design.json", "fit.json", "uncertainty.json"],
+        ["design.html", "design.json", "fit.json", "report.html", "uncertainty.json"],
     ]
 
 
@@ -51,7 +51,8 @@ def test_summaries_say_what_there_is(steps):
     assert "NLS cost" not in words["design"]
     assert "NLS cost" in words["fit"]
     assert "R-hat" not in words["fit"]
-    assert "5 experiments, 10 runs" in words["design"]
+    assert "5 visits, 10 runs, at least" in words["design"]
+    assert "next     measure in position" in words["design"]
     std = r"d\d\.\w+ [\d.]+ %"
     assert re.search(rf"promised std best {std}, worst {std}", words["design"])
     assert "verdict" not in words["design"]

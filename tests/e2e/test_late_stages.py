@@ -132,7 +132,7 @@ def test_a_parameter_at_a_bound_is_a_finding(tmp_path):
     # Its numbers are struck out, its upper end is plain, and so are those of the others.
     rows = dict(rows_of(results / "report.html", "estimates"))
     assert rows["d2.damping"].count("<s ") == 5
-    assert re.search(r">&lt; [\d.]+<", rows["d2.damping"])
+    assert re.search(r'>–</td><td class="n" data-v="[\d.e-]+">[\d.]+</td>', rows["d2.damping"])
     assert "<s " not in rows["d2.stiffness"]
 
 
@@ -141,7 +141,7 @@ def rows_of(page, table):
     text = page.read_text(encoding="utf-8")
     text = text[text.index(f'id="{table}"') :]
     text = text[: text.index("</table>")]
-    return re.findall(r"<tr><td><code>(.*?)</code></td>(.*?)</tr>", text)
+    return re.findall(r"<tr><th scope=row><code>(.*?)</code></th>(.*?)</tr>", text)
 
 
 WRONG = STUDY.replace("seed: 3", "seed: 3\ntruth: truth.yaml").replace("runs: 12", "runs: 0")
@@ -156,7 +156,7 @@ def test_numbers_of_a_wrong_model_are_struck_out(tmp_path):
     assert "verdict  model error: m3.inertia" in out
     assert "no interval to quote" in out
     said = words(results / "report.html")
-    assert "Model error m3.inertia" in said
+    assert "Model error: do not quote these numbers m3.inertia" in said
     assert "Quote no standard deviation of this study." in said
     assert "smallest rel. std" not in said
     rows = rows_of(results / "report.html", "estimates")

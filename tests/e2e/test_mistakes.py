@@ -166,7 +166,7 @@ def met(*arguments):
     return density(*arguments)
 
 LogPosterior.__call__ = met
-sys.argv = ["oed", "run", PATH, "--workers", "1"]
+sys.argv = ["oed", "--quiet", "run", PATH, "--workers", "1"]
 cli.main()
 """
 

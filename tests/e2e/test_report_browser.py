@@ -151,7 +151,7 @@ def test_an_element_is_enlarged_and_tells_its_values(desktop, small_study):
 def test_tables_sort_up_and_down_within_their_groups(desktop):
     table = desktop.locator("#estimates table")
     titles = [title.strip() for title in table.locator("thead th").all_text_contents()]
-    column = titles.index("Theorem 1")
+    column = titles.index("Theorem 1 [%]")
 
     def values(body):
         cells = (
@@ -187,7 +187,7 @@ def test_every_table_comes_down_as_csv(desktop):
     assert list(csv.reader(io.StringIO(text))) == list(csv.reader(io.StringIO(dict(files)[name])))
     rows = list(csv.DictReader(io.StringIO(text)))
     assert {row["parameter"] for row in rows} >= {"d2.stiffness", "d3.damping"}
-    assert all(float(row["Theorem 1"]) > 0 for row in rows)
+    assert all(float(row["Theorem 1 [%]"]) > 0 for row in rows)
 
 
 def test_what_is_struck_out_is_marked_in_downloads_too(desktop):
@@ -204,7 +204,9 @@ def test_the_verdict_is_seen_first(desktop, phone):
     for page in (desktop, phone):
         box = page.locator(".banner").bounding_box()
         assert box["y"] + box["height"] < page.viewport_size["height"]
-    assert desktop.locator(".banner .verdict").text_content() == "Trustworthy"
+    assert desktop.locator(".banner .verdict").text_content() == (
+        "Trustworthy: these numbers may be quoted"
+    )
 
 
 def test_every_figure_comes_down_as_svg_in_light_colours(desktop):

@@ -58,7 +58,7 @@ def test_every_section_is_there_and_in_the_contents(page):
     ids = {attrs.get("id") for _, attrs in elements}
     links = [attrs["href"] for tag, attrs in elements if tag == "a"]
     # The contents come first; text may point to a section again.
-    assert list(dict.fromkeys(links)) == [f"#{section}" for section in SECTIONS]
+    assert list(dict.fromkeys(links)) == ["#content", *(f"#{section}" for section in SECTIONS)]
     assert set(SECTIONS) <= ids
 
 
@@ -115,7 +115,7 @@ def test_words_and_numbers_of_the_certificate_and_the_table(page):
         "Theorem 1",
         "Trustworthy",
         "Quote the recommended standard deviations",
-        "5 experiments, 10 runs",
+        "5 visits, 10 runs",
         "R-hat",
         "Seed 3",
     ):

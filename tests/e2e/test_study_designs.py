@@ -54,7 +54,7 @@ def test_limits_on_positions_are_kept(tmp_path):
     assert counts[lift >= -0.6].sum() <= 1
     assert counts[elbow >= 1].sum() >= 3
     said = design.limits(found.study.design)
-    assert "at most 2 experiments in one position" in said
+    assert "at most 2 visits in one position" in said
     assert "at least 3 in the group bent" in said
 
 
@@ -150,7 +150,7 @@ def test_many_candidates_are_kept_in_a_store(tmp_path, monkeypatch):
     path.write_text(re.sub(r"^fit: .*$", estimators, path.read_text(), flags=re.M))
     code, out, err = oed("fit", path, "--workers", 1)
     assert (code, err) == (0, "")
-    assert "5 experiments, 10 runs" in out
+    assert "5 visits, 10 runs" in out
 
 
 MISTAKES = {

@@ -259,7 +259,7 @@ def _command(words: list[str], draws: bool) -> int:
             else:
                 from reports import cli
 
-                sys.argv = ["oed", *words]
+                sys.argv = ["oed", "--quiet", *words]
                 cli.main()
     except SystemExit as ended:
         return int(ended.code or 0)

@@ -40,7 +40,7 @@ def oed(*words: object) -> None:
     """Run a command, which must succeed."""
     from reports import cli
 
-    argv, sys.argv = sys.argv, ["oed", *map(str, words)]
+    argv, sys.argv = sys.argv, ["oed", "--quiet", *map(str, words)]
     out, err = io.StringIO(), io.StringIO()
     try:
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):

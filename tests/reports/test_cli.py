@@ -9,7 +9,7 @@ from reports import application, cli
 @pytest.fixture
 def oed(monkeypatch, capsys):
     def run(*words):
-        monkeypatch.setattr(sys, "argv", ["oed", *words])
+        monkeypatch.setattr(sys, "argv", ["oed", *(["--quiet"] if words else []), *words])
         with pytest.raises(SystemExit) as ended:
             cli.main()
         return (ended.value.code or 0, *capsys.readouterr())

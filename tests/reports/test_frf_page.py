@@ -102,6 +102,7 @@ def test_sections_resolve_and_ids_are_unique(distorted):
     _, _, outline = distorted
     assert len(set(outline.ids)) == len(outline.ids)
     assert outline.links == [
+        "#content",
         "#summary",
         "#responses",
         "#distortion",
@@ -152,7 +153,7 @@ def test_distortion_is_told_from_noise(distorted, tmp_path):
 
 def odd_levels(found):
     shown = level_table(found)
-    column = [column.title for column in shown.columns].index("odd")
+    column = [column.title for column in shown.columns].index("odd [dB]")
     return [row[column] for _, rows in shown.groups for row in rows]
 
 
@@ -163,7 +164,7 @@ def test_methods_are_ranked(distorted):
     scores = dict(zip(found.comparison.methods, found.comparison.scores, strict=True))
     assert order == sorted(order, key=scores.get)
     assert set(order) == {"ari", "har", "log", "h1", "jio"}
-    assert text.index(order[0].upper() + "</td>") < text.index(order[-1].upper() + "</td>")
+    assert text.index(order[0].upper() + "</th>") < text.index(order[-1].upper() + "</th>")
 
 
 def test_one_period_has_no_distortion_section(tmp_path):

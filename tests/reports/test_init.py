@@ -53,7 +53,7 @@ def urdf(tmp_path):
 @pytest.fixture
 def oed(monkeypatch, capsys):
     def run(*words):
-        monkeypatch.setattr(sys, "argv", ["oed", *map(str, words)])
+        monkeypatch.setattr(sys, "argv", ["oed", "--quiet", *map(str, words)])
         with pytest.raises(SystemExit) as ended:
             cli.main()
         return (ended.value.code or 0, *capsys.readouterr())

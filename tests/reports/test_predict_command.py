@@ -28,7 +28,7 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 
 
 def oed(monkeypatch: pytest.MonkeyPatch, capsys, *words: str) -> tuple[object, str, str]:
-    monkeypatch.setattr(sys, "argv", ["oed", *words])
+    monkeypatch.setattr(sys, "argv", ["oed", "--quiet", *words])
     with pytest.raises(SystemExit) as ended:
         cli.main()
     return (ended.value.code or 0, *capsys.readouterr())

@@ -24,7 +24,7 @@ from reports.page_elements import Column, Number, Section, filled, numbers, page
 from reports.pages import comparison
 from reports.sections import cross_check, identifiability as weak_directions, residuals
 from reports.sections.fit import reached_words
-from reports.sections.verdict import banner, interval_words, quote
+from reports.sections.verdict import fit_banner, interval_words, quote
 
 
 def words(section):
@@ -117,8 +117,8 @@ def test_directions_tested_come_strongest_first_with_what_they_may_hide():
     rows = [[c if isinstance(c, str) else c.text for c in row] for row in shown.groups[0][1]]
     assert [row[0] for row in rows] == ["payload.mass", "delay"]
     assert rows[0][1] == "< 0.0001"
-    assert rows[1][2].endswith(" s")
-    assert rows[1][4:] == ["12 std", "b.damping"]
+    assert rows[1][4] == "s"
+    assert rows[1][5:] == ["12", "b.damping"]
     said = words(residual_section(analysis(), trust))
     assert "2 single directions" in said
     assert "all together: 1 fired" in said
@@ -143,7 +143,7 @@ def test_cross_check_has_recommended_intervals_beside_the_others():
     assert "Chains left out." in said
     assert "often enough: posterior." in said
     titles = [column.title for column in cross_check.verdict_table(check).columns]
-    assert titles[:4] == ["parameter", "recommended", "Theorem 1", "posterior"]
+    assert titles[:4] == ["parameter", "recommended [%]", "Theorem 1 [%]", "posterior [%]"]
     assert titles[-2:] == ["Theorem 1 / posterior", "verdict"]
 
 
@@ -163,10 +163,10 @@ def test_discredited_numbers_are_struck_out(verdict):
 @pytest.mark.parametrize("verdict", VERDICTS)
 def test_the_banner_says_what_to_quote(verdict):
     trust = trusted(verdict, verdict, reason="m3.inertia: 0.1 +- 0.02 (p = 4e-18)")
-    uncertainty = SimpleNamespace(cross_check=checked(trust))
-    results = SimpleNamespace(trust=trust, uncertainty=uncertainty)
-    said = words(SimpleNamespace(body=banner(results)))
-    assert said.startswith(f"{verdict[:1].upper()}{verdict[1:]} ")
+    said = words(SimpleNamespace(body=fit_banner(trust, checked(trust), "Measure again")))
+    may = "may be quoted" if Verdict(verdict, "").gives_interval else "do not quote"
+    assert re.match(f"{verdict[:1].upper()}{verdict[1:]}: .*{may}", said)
+    assert said.endswith("Next: Measure again.")
     assert "m3.inertia: 0.1 ± 0.02" in said
     assert "e-18" not in said
     if Verdict(verdict, "").gives_interval:
@@ -279,7 +279,8 @@ def test_ticks_of_a_corner_leave_room_for_their_words():
 
 def test_estimates_of_different_robots_are_not_compared(tmp_path):
     robots = {name: SimpleNamespace(robot=SimpleNamespace(name=name)) for name in ("a", "b")}
-    assert comparison.estimates(robots) == []
+    assert comparison.pairwise_differences(robots) == {}
+    assert comparison.estimates(robots, {}) == []
     assert comparison.settings_of({"seed": 1, "fit": {"starts": None}}) == {
         "seed": "1",
         "fit.starts": "–",

@@ -38,7 +38,7 @@ def study(tmp_path: Path) -> Path:
 
 
 def oed(monkeypatch: pytest.MonkeyPatch, capsys, *words: str) -> tuple[object, str, str]:
-    monkeypatch.setattr(sys, "argv", ["oed", "sensors", *words])
+    monkeypatch.setattr(sys, "argv", ["oed", "--quiet", "sensors", *words])
     with pytest.raises(SystemExit) as ended:
         cli.main()
     return (ended.value.code or 0, *capsys.readouterr())

@@ -16,7 +16,7 @@ ROBOT = load_robot("moberg_axis1")
 
 
 def oed(monkeypatch: pytest.MonkeyPatch, capsys, *words: str) -> tuple[object, str, str]:
-    monkeypatch.setattr(sys, "argv", ["oed", "structure", *words])
+    monkeypatch.setattr(sys, "argv", ["oed", "--quiet", "structure", *words])
     with pytest.raises(SystemExit) as ended:
         cli.main()
     return (ended.value.code or 0, *capsys.readouterr())

@@ -1,0 +1,173 @@
+"""The page of ``oed check``: a robot at a position, and what looks wrong with it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from markupsafe import Markup
+
+from reports import text
+from reports.figures import robot_pictures
+from reports.page_elements import (
+    Column,
+    Number,
+    Row,
+    Section,
+    Table,
+    filled,
+    number_cell,
+    numbers,
+    page,
+    page_banner,
+    percent_cell,
+    table,
+)
+from robotmodels import ElasticRobot
+from robotmodels.checks.diagnosis import Diagnosis
+from robotmodels.checks.warnings import Suspicion
+from robotmodels.common.arrays import Array
+from robotmodels.common.atomic_files import write_text
+from robotmodels.elastic.rigid_pose import joint_origins
+
+_DEGREE = np.pi / 180
+_ROUNDING = 1e-6  # torques and deflections below this are rounding
+
+
+def write_check_page(
+    robot: ElasticRobot,
+    position: Array,
+    diagnosis: Diagnosis,
+    warnings: Sequence[Suspicion],
+    path: Path,
+) -> None:
+    """Write a robot at a position (n,) [rad or m] as one HTML file that needs nothing else."""
+    tables = {
+        "Motors": motor_table(diagnosis),
+        "Springs": spring_table(diagnosis),
+        "Modes": mode_table(diagnosis),
+        "Parameters": parameter_table(diagnosis),
+    }
+    if warnings:
+        tables = {"Warnings": warning_table(warnings)} | tables
+    picture = _picture(robot, position)
+    content = page(
+        title=diagnosis.robot,
+        kind="robot check",
+        kicker="An elastic robot as its file describes it",
+        lead="Motors, springs, equilibrium under gravity and modes in one position.",
+        sections=[
+            Section(title.lower(), title, filled("check.html.j2", shown=shown, picture=picture))
+            for title, shown in tables.items()
+        ],
+        banner=_banner(diagnosis, warnings),
+    )
+    write_text(path, content)
+
+
+def _banner(diagnosis: Diagnosis, warnings: Sequence[Suspicion]) -> Markup:
+    free = sum(one.state == "free" for one in diagnosis.parameters)
+    size = f"{text.plural(len(diagnosis.motors), 'motor')}, {text.plural(free, 'free parameter')}"
+    if not warnings:
+        step = "oed init, then oed design: where to measure this robot"
+        return page_banner("Nothing looks wrong", "sound", size, next_step=step)
+    step = "correct or confirm the numbers of the robot file that the warnings name"
+    verdict = text.plural(len(warnings), "warning")
+    return page_banner(verdict, "doubtful", size, next_step=step)
+
+
+def _picture(robot: ElasticRobot, position: Array) -> Markup:
+    skeleton = joint_origins(robot, position)
+    scene = robot_pictures.scene_of([skeleton])
+    return robot_pictures.stick_figure(skeleton, scene, f"Stick figure of {robot.name}")
+
+
+def warning_table(warnings: Sequence[Suspicion]) -> Table:
+    """Return what looks wrong, a rule each."""
+    rows = [(one.rule, one.message) for one in warnings]
+    return table(
+        "warning-table",
+        "What looks wrong, by rule.",
+        [Column("rule"), Column("warning", "words")],
+        rows,
+    )
+
+
+def motor_table(diagnosis: Diagnosis) -> Table:
+    """Return motors with their position, load and drive."""
+    rows: list[Row] = []
+    for one in diagnosis.motors:
+        scale, unit = (1.0, "m") if one.prismatic else (_DEGREE, "°")
+        cells = (_cell(v) for v in (one.gear_ratio, one.inertia, one.load, one.torque))
+        rows.append(
+            (one.name, one.joint, _cell(one.angle / scale), unit, *cells, one.spring or "rigid")
+        )
+    columns = [
+        Column("motor", code=True),
+        Column("joint", code=True),
+        *numbers("position"),
+        Column("unit", "u"),
+        *numbers("gear ratio", "inertia [kg m²]"),
+        *numbers("load [kg m² or kg]", "holding torque [N m]"),
+        Column("drive spring", code=True),
+    ]
+    caption = "Motors; inertia and holding torque on the motor shaft, load on the arm side."
+    return table("motor-table", caption, columns, rows)
+
+
+def spring_table(diagnosis: Diagnosis) -> Table:
+    """Return springs with their deflection under gravity."""
+    rows: list[Row] = []
+    for one in diagnosis.springs:
+        deflection = _cell(one.deflection / (1e-3 if one.linear else _DEGREE))
+        stiffness, load = (_cell(v) for v in (one.stiffness, one.torque))
+        rows.append((one.name, one.attached_to, one.axis, stiffness, deflection, load))
+    columns = [
+        Column("spring", code=True),
+        Column("joint or link", code=True),
+        Column("axis"),
+        *numbers("stiffness [N m/rad or N/m]", "static deflection [° or mm]", "load [N m or N]"),
+    ]
+    return table("spring-table", "Springs in equilibrium under gravity.", columns, rows)
+
+
+def parameter_table(diagnosis: Diagnosis) -> Table:
+    """Return the parameters with their state and their effect on the responses."""
+    rows: list[Row] = [
+        (
+            one.name,
+            _cell(one.value),
+            text.pretty_unit(one.unit),
+            one.state if one.tied_to is None else f"tied to {one.tied_to}",
+            percent_cell(one.sensitivity),
+        )
+        for one in diagnosis.parameters
+    ]
+    columns = [
+        Column("parameter", code=True),
+        *numbers("value"),
+        Column("unit", "u"),
+        Column("state"),
+        *numbers("sensitivity [%]"),
+    ]
+    caption = (
+        "Parameters; the sensitivity is the largest relative change of any frequency response in "
+        "the band per relative change of the parameter."
+    )
+    return table("parameter-table", caption, columns, rows)
+
+
+def mode_table(diagnosis: Diagnosis) -> Table:
+    """Return flexible modes, with the springs that hold their energy."""
+    names = [one.name for one in diagnosis.springs]
+    rows: list[Row] = []
+    for one in diagnosis.modes:
+        order = np.argsort(-np.asarray(one.energy), kind="stable")[:3]
+        energy = ", ".join(f"{names[i]} {text.percent(one.energy[i])}" for i in order)
+        damping = number_cell(100 * one.damping_ratio, text.significant)
+        rows.append((_cell(one.frequency / (2 * np.pi)), damping, energy))
+    columns = [*numbers("frequency [Hz]", "damping ratio [%]"), Column("elastic energy", "words")]
+    return table("mode-table", "Damped flexible modes, motors free.", columns, rows)
+
+
+def _cell(value: float) -> Number:
+    return number_cell(value if abs(value) >= _ROUNDING else 0.0, text.significant)

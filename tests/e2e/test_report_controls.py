@@ -1,0 +1,192 @@
+"""Tables, links and print of a report in a browser; axe judges its accessibility."""
+
+import csv
+import io
+import re
+import shutil
+from decimal import Decimal, InvalidOperation
+
+import pytest
+from browser import chromium, open_page
+from conftest import oed
+
+DESKTOP, PHONE = (1280, 900), (390, 800)
+OPEN = "all => all.forEach((one) => { one.open = true; })"
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as started:
+        yield started
+
+
+@pytest.fixture(scope="module")
+def pages(small_study, tmp_path_factory):
+    """Pages of a study, of its design, of a robot, and of two studies."""
+    folder = tmp_path_factory.mktemp("pages")
+    shutil.copytree(small_study[0].parents[1], folder / "study")
+    study = folder / "study" / "study.yaml"
+    code, _, err = oed("design", study, "--workers", 1)
+    assert (code, err) == (0, "")
+    code, _, err = oed("check", folder / "study" / "robot.yaml", "-o", folder / "check.html")
+    assert (code, err) == (0, "")
+    other = study.with_name("other.yaml")
+    other.write_text(study.read_text().replace("results/here", "results/there"))
+    shutil.copytree(study.parent / "results" / "here", study.parent / "results" / "there")
+    target = folder / "comparison.html"
+    code, _, err = oed("report", study, other, "-o", target, "--workers", 1)
+    assert (code, err) == (0, "")
+    results = study.parent / "results" / "here"
+    return {
+        "study": small_study[0] / "report.html",
+        "design": results / "design.html",
+        "check": folder / "check.html",
+        "comparison": target,
+    }
+
+
+@pytest.fixture(params=["study", "design", "check", "comparison"])
+def shown(browser, pages, request):
+    with open_page(browser, pages[request.param], *DESKTOP) as (page, wrong):
+        page.locator("details").evaluate_all(OPEN)
+        yield page
+        assert wrong == []
+
+
+@pytest.fixture
+def study(browser, pages):
+    with open_page(browser, pages["study"], *DESKTOP) as (page, wrong):
+        yield page
+        assert wrong == []
+
+
+@pytest.fixture(scope="module")
+def axe():
+    from axe_playwright_python.sync_playwright import Axe
+
+    def violations(page):
+        return [
+            (one["id"], one["nodes"][0]["html"]) for one in Axe().run(page).response["violations"]
+        ]
+
+    return violations
+
+
+@pytest.mark.parametrize("name", ["study", "design", "check", "comparison"])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_no_violation(browser, pages, axe, name, scheme):
+    with open_page(browser, pages[name], *DESKTOP, color_scheme=scheme) as (page, _):
+        page.locator("details").evaluate_all(OPEN)
+        assert axe(page) == []
+
+
+def test_axe_finds_what_is_wrong(browser, axe, tmp_path):
+    bad = tmp_path / "bad.html"
+    bad.write_text("<img src='data:,'><p style='color: #999; background: #888'>grey</p>")
+    with open_page(browser, bad, *DESKTOP) as (page, _):
+        assert {"image-alt", "color-contrast"} <= {id for id, _ in axe(page)}
+
+
+SHOWN = """cells => cells.filter((one) => !("words" in one.dataset)).map(
+    (one) => [one.textContent.trim(), Number(one.dataset.v), one.closest(".sheet").id])"""
+
+
+def number_of(words):
+    """Return the number that a cell shows and what its last digit counts; None of words."""
+    words = re.sub(r"\s", "", words).replace("−", "-")
+    powers = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+    words = re.sub(r"×10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)$", lambda p: f"e{p[1].translate(powers)}", words)
+    try:
+        digit = Decimal(words).as_tuple().exponent
+    except InvalidOperation:
+        return None
+    return float(words), 10.0**digit
+
+
+def test_downloads_have_the_numbers_and_units_of_the_page(shown):
+    cells = shown.locator("tbody [data-v]").evaluate_all(SHOWN)
+    assert len(cells) > 10
+    words = {"–", "∞", "undetermined", "file"}
+    for text, value, sheet in cells:
+        number = number_of(text)
+        if number is None:
+            assert text in words or text.startswith(("<", "struck out")), (sheet, text)
+            continue
+        # Efficiencies are rounded down, all else to the nearest.
+        assert abs(number[0] - value) < number[1] + 1e-7 * abs(value), (sheet, text)
+
+
+def test_every_row_has_a_heading(shown):
+    rows = shown.locator("tbody tr:not(.group)")
+    assert rows.count() == shown.locator("tbody tr:not(.group) > th[scope=row]").count() > 1
+
+
+def test_rows_are_filtered_by_name_here_and_in_downloads(browser, pages):
+    # Only long tables offer it: this one is made long.
+    text = pages["study"].read_text(encoding="utf-8")
+    rows = "".join(f"<tr><th scope=row>{n}</th><td data-v='1'>1</td></tr>" for n in "abcdefgh")
+    longer = re.sub(
+        r'(<div class="sheet" id="stages">.*?</tbody>)',
+        rf"\1<tbody>{rows}</tbody>",
+        text,
+        count=1,
+        flags=re.S,
+    )
+    path = pages["check"].with_name("longer.html")
+    path.write_text(longer, encoding="utf-8")
+    with open_page(browser, path, *DESKTOP) as (page, _):
+        sheet = page.locator("#stages")
+        sheet.get_by_label("Filter by name").fill("B")
+        assert sheet.locator("tbody tr:visible").all_text_contents() == ["b1"]
+        with page.expect_download() as download:
+            sheet.locator("[data-save=csv]").click()
+        saved = list(csv.reader(io.StringIO(download.value.path().read_text())))
+        assert saved[1:] == [["b", "1"]]
+
+
+def test_tables_are_copied_as_latex(study):
+    study.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    study.evaluate(
+        "() => Object.defineProperty(navigator, 'clipboard', "
+        "{ value: { writeText: async (text) => { window.copied = text; } } })"
+    )
+    study.locator("#estimates [data-copy=latex]").click()
+    text = study.evaluate("window.copied")
+    assert text.splitlines()[1].startswith(r"\begin{tabular}{l")
+    assert r"d2.stiffness &" in text
+    assert r"std [\%]" in text
+    assert r"{Springs}" in text
+    assert text.count("&") % (text.splitlines()[3].count("&")) == 0
+    assert not re.search(r"[−±≥°⁻×]", text)
+
+
+def test_a_link_to_a_part_opens_it(browser, pages):
+    with open_page(browser, pages["study"], *DESKTOP) as (page, _):
+        assert not page.locator("#frf-2").is_visible()
+        page.goto(f"{page.url}#frf-2")
+        page.evaluate("dispatchEvent(new HashChangeEvent('hashchange'))")
+        assert page.locator("#frf-2").is_visible()
+        assert not page.locator("#frf-1").is_visible()
+        page.goto(f"{page.url.split('#')[0]}#all-runs")
+        assert page.locator("#runs").is_visible()
+
+
+def test_print_has_every_position_and_what_is_folded(study):
+    study.emulate_media(media="print")
+    panels = study.locator("section[aria-labelledby=responses] .choice")
+    assert panels.count() >= 2
+    assert all(panels.nth(i).is_visible() for i in range(panels.count()))
+    assert study.locator("#runs td").first.bounding_box()["height"] > 0
+    assert not study.locator(".filter").first.is_visible()
+
+
+def test_the_keyboard_skips_to_the_content_and_stops_only_where_something_scrolls(study):
+    study.keyboard.press("Tab")
+    assert study.evaluate("document.activeElement.className") == "skip"
+    study.keyboard.press("Enter")
+    assert study.evaluate("document.activeElement.id") == "content"
+    boxes = study.locator(".scroll").evaluate_all(
+        """all => all.filter((one) => one.checkVisibility()).map((one) => [
+            one.tabIndex, one.scrollWidth > one.clientWidth + 1, one.getAttribute("aria-label")])"""
+    )
+    assert all((index == 0) == scrolls and name for index, scrolls, name in boxes)

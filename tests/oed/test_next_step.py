@@ -1,0 +1,94 @@
+"""What to do next, from information matrices that tell it by hand."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from estimators.trust.intervals import Verdict
+from estimators.uncertainty.identifiability import identifiability
+from oed.study.next_step import next_step
+from oed.study.results import FittedStudy, PlannedStudy
+from oed.study.robot_time import robot_time
+
+NAMES = ("g1.stiffness", "g1.damping")
+
+
+def plan_of(*diagonals):
+    matrices = np.array([np.diag(one) for one in diagonals], dtype=float)
+    return SimpleNamespace(
+        used=np.arange(len(matrices)),
+        visit_share=1.0,
+        information=SimpleNamespace(take=lambda indices: matrices[indices], names=NAMES),
+        promise=identifiability(matrices.sum(axis=0), NAMES),
+    )
+
+
+def fitted(verdict, plan, outlying=()):
+    """Return a fit whose information is that of the plan."""
+    information = plan.information.take(plan.used).sum(axis=0)
+    linear = SimpleNamespace(
+        names=NAMES,
+        jacobian=np.sqrt(information / 2),
+        noise_weights=np.ones(2),
+        prior=np.zeros((2, 2)),
+    )
+    trust = SimpleNamespace(
+        verdict=Verdict(verdict, "why"),
+        names=NAMES,
+        std=1 / np.sqrt(np.diag(information)),
+    )
+    fits = SimpleNamespace(
+        result=SimpleNamespace(trust=trust, linearise=lambda: linear),
+        residuals=SimpleNamespace(outlying=np.array(outlying, dtype=int)),
+        identifiability=identifiability(information, NAMES),
+    )
+    return FittedStudy(study=None, robot=None, plan=plan, run=None, data=None, fits=fits)
+
+
+def test_precise_parameters_need_nothing():
+    step = next_step(fitted("trustworthy", plan_of([1e4, 0], [0, 1e4])))
+    assert (step.action, step.positions) == ("none", ())
+
+
+def test_the_positions_that_tell_most_of_an_imprecise_parameter_are_measured_again():
+    step = next_step(fitted("trustworthy", plan_of([1e4, 1], [0, 16], [0, 8])))
+    assert step.action == "measure again"
+    assert "g1.damping" in step.sentence
+    assert "g1.stiffness" not in step.sentence
+    # 25 of information in all; the second position adds 16 twice: sqrt(57 / 25) = 1.51.
+    assert step.positions == (2,)
+    assert "about 1.5" in step.sentence
+
+
+def test_a_model_error_in_one_position_is_measured_again_and_elsewhere_the_model_is_wrong():
+    plan = plan_of([1e4, 0], [0, 1e4], [1, 1])
+    step = next_step(fitted("model error", plan, outlying=[2]))
+    assert (step.action, step.positions) == ("measure again", (3,))
+    step = next_step(fitted("model error", plan, outlying=[0, 2]))
+    assert step.action == "correct the model"
+    assert "oed structure" in step.sentence
+
+
+@pytest.mark.parametrize(
+    ("verdict", "key"), [("not converged", "fit.starts"), ("too few blocks", "degrees of freedom")]
+)
+def test_settings_are_named(verdict, key):
+    assert key in next_step(fitted(verdict, plan_of([1e4, 1e4]))).sentence
+
+
+def test_what_no_data_tell_is_fixed_before_and_after_measuring():
+    plan = plan_of([1e4, 0.01])
+    for results in (PlannedStudy(None, None, plan, None), fitted("not identifiable", plan)):
+        step = next_step(results)
+        assert step.action == "reparametrise"
+        assert "fix g1.damping" in step.sentence
+
+
+def test_a_plan_is_measured_in_its_order():
+    step = next_step(PlannedStudy(None, None, plan_of([1e4, 0], [0, 1e4]), None))
+    assert (step.action, step.positions) == ("measure", (1, 2))
+
+
+def test_measured_data_take_no_robot_time():
+    assert robot_time(PlannedStudy(None, None, plan_of([1, 1]), None)) is None
