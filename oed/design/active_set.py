@@ -246,26 +246,37 @@ class _Search:
         current, singular = self.best, False
         certified = not _unique(current) or current.answer.mu > 0
         while trim and not singular:
-            fewer, singular = self._fewer(current)
+            fewer, singular = self._fewer(current, polish=current is self.best)
             if fewer is None:
                 break
             current, certified = fewer, True
         return current if certified else self._precise(current, current.answer.weights)
 
-    def _fewer(self, full: _Round) -> tuple[_Round | None, bool]:
-        """Return an answer with fewer weights, if one is as good, and whether it is singular."""
+    def _fewer(self, full: _Round, polish: bool) -> tuple[_Round | None, bool]:
+        """Return an answer with fewer weights, if one is as good, and whether it is singular.
+
+        Weights of conic solvers are made more precise only where none are precise enough as they
+        are, and where that is asked for.
+        """
         rounding = _ROUNDING * self.whitening.coordinates.condition
         few, loss = full.few, 0.1 * self.tolerance
-        for weights, value, singular in trimmed(few, full.answer, full.value, loss, rounding):
-            if singular or not _unique(full):
-                gap = float(np.expm1(full.certificate.log_bound - self.whitening.constant - value))
-                answer = replace(full.answer, weights=weights)
-                certificate = replace(full.certificate, gap=gap)
-                return replace(full, answer=answer, value=value, certificate=certificate), singular
-            precise = self._precise(full, weights)
-            if precise is not None:
-                return precise, False
+        choices = trimmed(few, full.answer, full.value, loss, rounding)
+        newton = full.answer.mu > 0
+        for polished in (True,) if newton else (False, True) if polish else (False,):
+            for weights, value, singular in choices:
+                if singular or not _unique(full):
+                    return self._bounded_by_all(full, weights, value), singular
+                precise = (self._precise if polished else self._derived)(full, weights)
+                if precise is not None:
+                    return precise, False
         return None, False
+
+    def _bounded_by_all(self, full: _Round, weights: Array, value: float) -> _Round:
+        """Return an answer of fewer weights, certified by the witness of all."""
+        gap = float(np.expm1(full.certificate.log_bound - self.whitening.constant - value))
+        answer = replace(full.answer, weights=weights)
+        certificate = replace(full.certificate, gap=gap)
+        return replace(full, answer=answer, value=value, certificate=certificate)
 
     def _precise(self, full: _Round, weights: Array) -> _Round | None:
         """Return an answer of the used candidates that its derivative certifies, if there is one.
