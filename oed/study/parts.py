@@ -147,12 +147,15 @@ class Fits:
         The study's result, see `oed.study.stages.result.SelectedFit`.
     origin : str
         Where the search for `result` began, for people.
+    posterior : Posterior or None
+        That an earlier run sampled about `result`, if it converged.
     """
 
     starts: Array
     searches: Mapping[str, Search]
     result: Fit | RunFit
     origin: str
+    posterior: Posterior | None = None
 
     @cached_property
     def residuals(self) -> ResidualAnalysis:

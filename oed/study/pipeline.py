@@ -11,6 +11,7 @@ from typing import TypeVar
 
 from estimators.fitting.fit_problem import Measured
 from estimators.fitting.fitted_model import FittedModel
+from estimators.sampling.posterior import Posterior
 from estimators.structure.choose_structure import choose_structure
 from estimators.structure.score_tests import score_tests
 from estimators.uncertainty.covariance import covariance
@@ -23,7 +24,7 @@ from oed.study.stage_cache import Stage, Stages, versions
 from oed.study.stages.assumed_springs import powers_of_alternatives
 from oed.study.stages.cross_check import CrossCheckInputs, cross_check
 from oed.study.stages.fit import Search, fit
-from oed.study.stages.posterior import check_posterior, cost_posterior, posterior
+from oed.study.stages.posterior import check_posterior, cost_posterior, posterior, stored_posterior
 from oed.study.stages.profiles import profiles
 from oed.study.stages.result import SelectedFit, result
 from oed.study.stages.run import MeasuredRun, SimulatedRun, open_run
@@ -190,6 +191,7 @@ class _Fits:
     starts: Array
     searches: Mapping[str, Stage[Search]]
     result: Stage[SelectedFit]
+    posterior: Posterior | None
 
     @classmethod
     def of(cls, source: SimulatedStudy | MeasuredStudy) -> "_Fits":
@@ -199,13 +201,15 @@ class _Fits:
         searches = {
             estimator.name: fit(run, estimator, data, starts) for estimator in run.study.estimators
         }
-        return cls(starts, searches, result(run, data, searches, starts))
+        best = result(run, data, searches, starts)
+        return cls(starts, searches, best, stored_posterior(run, best))
 
     @property
     def results(self) -> Fits:
         """The fits."""
         searches = {name: stage.value for name, stage in self.searches.items()}
-        return Fits(self.starts, searches, self.result.value.fit, self.result.value.origin)
+        best = self.result.value
+        return Fits(self.starts, searches, best.fit, best.origin, self.posterior)
 
 
 def _value(stage: Stage[T] | None) -> T | None:

@@ -164,8 +164,7 @@ class Stages:
         files : Files[T]
             Saves and loads the result; what is returned was always loaded.
         """
-        key = json_digest({"stage": name, "package": version(PACKAGE), "inputs": inputs})
-        stage = None if self.fresh else self._load(name, key, files)
+        stage, key = self.stored(name, inputs, files), _key(name, inputs)
         if stage is None:
             target, part = self.folder / name, self.folder / f"{name}.part"
             record = self._compute(name, key, part, compute, files)
@@ -175,6 +174,10 @@ class Stages:
         if self.progress is not None:
             self.progress(name, 1, 1)
         return stage
+
+    def stored(self, name: str, inputs: Mapping[str, Any], files: Files[T]) -> Stage[T] | None:
+        """Return a stage that an earlier run finished; None where there is none that fits."""
+        return None if self.fresh else self._load(name, _key(name, inputs), files)
 
     def attempt(self, name: str, run: Callable[[], T]) -> T | None:
         """Return what `run` returns; None where it fails, which is then among the failures.
@@ -271,6 +274,10 @@ def open_stages(
 def versions() -> dict[str, str]:
     """Return the versions of Python and of the packages that compute."""
     return {"python": platform.python_version()} | {p: version(p) for p in _PACKAGES}
+
+
+def _key(name: str, inputs: Mapping[str, Any]) -> str:
+    return json_digest({"stage": name, "package": version(PACKAGE), "inputs": inputs})
 
 
 def _fitting(folder: Path, key: str) -> dict[str, Any] | None:

@@ -76,7 +76,7 @@ def export(
     if position:
         model = _at(model, position)
     if draws:
-        _check_draws(model.source)
+        _check_draws(model, draws)
     target = output or model.folder / f"{_file_name(model.robot)}{ENDINGS[FORMATS[to]]}"
     left_out = _written(model, target, FORMATS[to])
     files = [target]
@@ -85,9 +85,14 @@ def export(
         files += _drawn(model, target, FORMATS[to], draws, not table_only)
     say(
         lambda: "\n".join(
-            [f"written  {_range(files)}", *(f"left out {line}" for line in left_out)]
+            [f"written  {_range(files)}{_of(model, draws)}", *(f"left out {x}" for x in left_out)]
         ),
-        lambda: {"schema": "export/1", "files": list(map(str, files)), "left_out": left_out},
+        lambda: {
+            "schema": "export/1",
+            "files": list(map(str, files)),
+            "left_out": left_out,
+            "spread": _of(model, draws).removeprefix(", draws of the ") or None,
+        },
         as_json,
     )
     if results is not None:
@@ -107,7 +112,7 @@ def _check_options(to: str, draws: int, table_only: bool) -> None:
 class _Model:
     """A robot, default positions (Q, n), covariance of ln theta or why not, folder of its files.
 
-    It is drawn from its source, by a seed.
+    It is drawn from the posterior (N, p) that the study has stored, or its source, by a seed.
     """
 
     robot: "ElasticRobot"
@@ -117,6 +122,7 @@ class _Model:
     folder: Path
     seed: int = 0
     no_covariance: tuple[str, ...] = ()
+    posterior: "Array | None" = None
 
 
 def _of_robot(name: str) -> _Model:
@@ -132,12 +138,15 @@ def _of_study(results: "FittedStudy") -> _Model:
 
     fit, positions = results.fits.result, results.plan.positions
     folder, seed = results.study.output, results.study.seed
+    stored = results.fits.posterior
+    drawn = None if stored is None else stored.draws
     try:
         matrix = covariance(fit).covariance
     except IdentificationError as error:  # the model can be written all the same
         robot = fit.robot(results.trust)
-        return _Model(robot, fit, positions, None, folder, seed, (f"covariance: {error}",))
-    return _Model(fit.robot(results.trust, matrix), fit, positions, matrix, folder, seed)
+        return _Model(robot, fit, positions, None, folder, seed, (f"covariance: {error}",), drawn)
+    robot = fit.robot(results.trust, matrix)
+    return _Model(robot, fit, positions, matrix, folder, seed, (), drawn)
 
 
 def _at(model: _Model, position: list[str]) -> _Model:
@@ -158,12 +167,16 @@ def _written(model: _Model, target: Path, format: Format) -> tuple[str, ...]:
     return (*left_out, *model.no_covariance)
 
 
-def _check_draws(source: "FittedModel | ElasticRobot") -> None:
-    """Refuse draws of what has no covariance, before anything is written."""
+def _check_draws(model: _Model, count: int) -> None:
+    """Refuse draws of what has none, before anything is written."""
     from estimators import recommended_uncertainty
 
+    if model.posterior is not None:
+        if len(model.posterior) < count:
+            raise InvalidInput(f"--draws: {count}; the posterior has {len(model.posterior)} draws")
+        return
     try:
-        recommended_uncertainty(source)
+        recommended_uncertainty(model.source)
     except IdentificationError as error:
         raise InvalidInput(f"--draws: {error}") from None
 
@@ -183,10 +196,18 @@ def _drawn(
         format,
         count=count,
         rng=rng,
+        draws=model.posterior,
         position=model.positions,
         models=models,
         table=True,
     )
+
+
+def _of(model: _Model, draws: int) -> str:
+    """Return in words of what draws are."""
+    if not draws:
+        return ""
+    return f", draws of the {'covariance' if model.posterior is None else 'posterior'}"
 
 
 def _range(files: list[Path]) -> str:

@@ -1,6 +1,7 @@
 """What commands about identified robots are told: whose fit, in which positions."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -41,10 +42,58 @@ Map = Annotated[
 ]
 
 
+@dataclass(frozen=True, eq=False)
+class Identified:
+    """A fit or a robot with standard deviations, and where it is asked about.
+
+    Attributes
+    ----------
+    source : FittedModel or ElasticRobot
+        Fit of a study, or robot.
+    robot : ElasticRobot
+        Its robot.
+    positions : ndarray, (Q, n)
+        Positions.
+    folder : Path
+        Where files go.
+    posterior : ndarray, (N, p), or None
+        Draws of ln theta that the study has stored.
+    """
+
+    source: "FittedModel | ElasticRobot"
+    robot: "ElasticRobot"
+    positions: "Array"
+    folder: Path
+    posterior: "Array | None" = None
+
+    @property
+    def spread(self) -> str:
+        """What bands rest on, in words."""
+        from estimators import recommended_uncertainty
+
+        if self.posterior is not None:
+            return "draws of the study's posterior"
+        return f"covariance, {recommended_uncertainty(self.source).method}"
+
+    def draws(self, count: int, seed: int) -> "Array":
+        """Return draws of ln theta, (count, p), or all of a shorter posterior."""
+        import numpy as np
+
+        from estimators import recommended_uncertainty
+        from estimators.sampling.exported_draws import parameter_draws
+
+        rng = np.random.default_rng(seed)
+        if self.posterior is not None:
+            some = min(count, len(self.posterior))
+            return np.asarray(rng.choice(self.posterior, some, replace=False))
+        covariance = recommended_uncertainty(self.source).covariance
+        return parameter_draws(self.source.parameters.values, covariance, count, rng)
+
+
 def read_source(
     source: str, position: Sequence[str] | None, spread: int, workers: int
-) -> "tuple[FittedModel | ElasticRobot, ElasticRobot, Array, Path]":
-    """Return a fit or a robot with standard deviations, its robot, positions (Q, n), and a folder.
+) -> Identified:
+    """Return what a study identified, or a robot with standard deviations.
 
     Positions are those named, or `spread` of them over the joint ranges, or those of the study.
 
@@ -62,16 +111,15 @@ def read_source(
     from robotmodels import load_robot
     from robotmodels.elastic.tool_response import underlying_robot
 
-    fitted: FittedModel | ElasticRobot
     if is_study(source):
         results = compute_study(Path(source), fit_study, workers, False)
-        fitted, positions = results.fits.result, results.plan.positions
-        robot, folder = underlying_robot(fitted.model), results.study.output
+        fit, posterior = results.fits.result, results.fits.posterior
+        robot, drawn = underlying_robot(fit.model), None if posterior is None else posterior.draws
+        model = Identified(fit, robot, results.plan.positions, results.study.output, drawn)
     else:
-        fitted = robot = load_robot(source)
-        positions, folder = read_position(robot, None)[None], Path()
+        robot = load_robot(source)
+        model = Identified(robot, robot, read_position(robot, None)[None], Path())
     if position:
-        positions = np.array([read_position(robot, words) for words in position])
-    elif spread:
-        positions = sobol_positions(robot, spread)
-    return fitted, robot, positions, folder
+        rows = np.array([read_position(robot, words) for words in position])
+        return replace(model, positions=rows)
+    return replace(model, positions=sobol_positions(robot, spread)) if spread else model

@@ -48,7 +48,7 @@ def margins(
     Example: oed margins studies/ur10.yaml --controller controller.json --map 20
     """
     described = None if controller is None else _read_controller(controller)
-    fitted, robot, positions, folder = read_source(source, position, spread, workers)
+    model = read_source(source, position, spread, workers)
     from functools import partial
 
     import numpy as np
@@ -59,29 +59,33 @@ def margins(
     from robotmodels.common.atomic_files import staged_folder
     from robotmodels.common.plain_data import json_text
 
+    robot, positions = model.robot, model.positions
     loop, motors = _feedback(described, robot, sample_time, controller), robot.motor_names
     with progress_bars() as bars:
         band = predict_margins(
-            fitted,
+            model.source,
             loop,
             positions,
             rng=np.random.default_rng(seed),
-            draws=draws,
+            draws=model.draws(draws, seed),
             progress=None if bars is None else partial(bars, "draws"),
         )
-    remedies = suggestions(robot, loop, positions, fitted.parameters.values)
-    target = (output or folder).resolve()
+    remedies = suggestions(robot, loop, positions, model.source.parameters.values)
+    target = (output or model.folder).resolve()
     contents = {
         "margins.csv": summary.margins_csv(band, motors),
-        "margins.json": json_text(summary.margins_document(band, motors, remedies)),
+        "margins.json": json_text(summary.margins_document(band, motors, remedies, model.spread)),
     }
     with staged_folder(target) as staged:
         for name, content in contents.items():
             (staged / name).write_text(content, encoding="utf-8")
     files = [target / name for name in contents]
     say(
-        lambda: summary.margins_summary(band, motors, remedies, files),
-        lambda: summary.margins_document(band, motors, remedies) | {"files": list(map(str, files))},
+        lambda: summary.margins_summary(band, motors, remedies, model.spread, files),
+        lambda: (
+            summary.margins_document(band, motors, remedies, model.spread)
+            | {"files": list(map(str, files))}
+        ),
         as_json,
     )
 

@@ -6,15 +6,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from reports.commands.identified import Map, Output, Position, Seed, Source, read_source
+from reports.commands.identified import Identified, Map, Output, Position, Seed, Source, read_source
 from reports.commands.options import WORKERS, AsJson, Workers, say
 from robotmodels.common.errors import InvalidInput, nearest
 
 if TYPE_CHECKING:
-    from estimators.fitting.fitted_model import FittedModel
     from estimators.validation.predict_tool import ToolPrediction
-    from robotmodels import ElasticRobot, Frame
+    from robotmodels import Frame
     from robotmodels.common.arrays import Array
+
+_OF_POSTERIOR = 200
+"""Draws of a stored posterior."""
 
 
 def register(app: typer.Typer) -> None:
@@ -47,7 +49,8 @@ def predict(
             min=0,
             max=400,
             help="Bands by so many draws of the parameters, better than first derivatives where "
-            "deviations exceed some 20 %; 0 for derivatives.",
+            "deviations exceed some 20 %; 0 for derivatives, or 200 draws of a study's posterior "
+            "where oed run or oed sample has stored one.",
         ),
     ] = 0,
     seed: Seed = 0,
@@ -66,38 +69,24 @@ def predict(
     }
     frame = _frame(link or "", at, axes)  # refused before a study is computed
     omega = None if frequencies is None else read_frequencies(frequencies)
-    fitted, robot, positions, folder = read_source(source, position, spread, workers)
+    model = read_source(source, position, spread, workers)
     from estimators.validation.predict_tool import predict_tool
     from reports.summaries.prediction_summary import tool_document, tool_summary
     from robotmodels.elastic.tool_response import tool_frame
 
-    frame = frame if link else replace(frame, link=tool_frame(robot).link)
-    drawn = _draws(fitted, draws, seed) if draws else None
-    prediction = predict_tool(fitted, positions, frame, omega, spread=drawn, **words)
-    files = _written(prediction, fitted, robot, (output or folder).resolve())
+    frame = frame if link else replace(frame, link=tool_frame(model.robot).link)
+    count = draws or (0 if model.posterior is None else _OF_POSTERIOR)
+    drawn = model.draws(max(count, 2), seed) if count else None
+    prediction = predict_tool(model.source, model.positions, frame, omega, spread=drawn, **words)
+    files = _written(prediction, model, (output or model.folder).resolve())
     say(
-        lambda: tool_summary(prediction, files),
-        lambda: tool_document(prediction) | {"files": list(map(str, files))},
+        lambda: tool_summary(prediction, model.spread, files),
+        lambda: tool_document(prediction, model.spread) | {"files": list(map(str, files))},
         as_json,
     )
 
 
-def _draws(fitted: "FittedModel | ElasticRobot", count: int, seed: int) -> "Array":
-    import numpy as np
-
-    from estimators import recommended_uncertainty
-    from estimators.sampling.exported_draws import parameter_draws
-
-    covariance, rng = recommended_uncertainty(fitted).covariance, np.random.default_rng(seed)
-    return parameter_draws(fitted.parameters.values, covariance, max(count, 2), rng)
-
-
-def _written(
-    prediction: "ToolPrediction",
-    fitted: "FittedModel | ElasticRobot",
-    robot: "ElasticRobot",
-    target: Path,
-) -> list[Path]:
+def _written(prediction: "ToolPrediction", model: Identified, target: Path) -> list[Path]:
     """Write tables, numbers and the page into a folder, and return the files."""
     from reports.pages.prediction_page import write_prediction_page
     from reports.summaries import prediction_summary as summary
@@ -105,8 +94,8 @@ def _written(
     from robotmodels.common.plain_data import json_text
 
     contents = {
-        "prediction.csv": summary.tool_csv(prediction, robot.motor_names),
-        "prediction.json": json_text(summary.tool_document(prediction)),
+        "prediction.csv": summary.tool_csv(prediction, model.robot.motor_names),
+        "prediction.json": json_text(summary.tool_document(prediction, model.spread)),
     }
     if prediction.response is not None:
         contents["response.csv"] = summary.response_csv(prediction)
@@ -114,7 +103,11 @@ def _written(
         for name, content in contents.items():
             (staged / name).write_text(content, encoding="utf-8")
         write_prediction_page(
-            prediction, robot.name, staged / "prediction.html", getattr(fitted, "trust", None)
+            prediction,
+            model.robot.name,
+            model.spread,
+            staged / "prediction.html",
+            getattr(model.source, "trust", None),
         )
     return [target / name for name in (*contents, "prediction.html")]
 

@@ -18,12 +18,14 @@ _SHOWN = 6
 
 
 def write_prediction_page(
-    prediction: ToolPrediction, name: str, path: Path, trust: Trust | None = None
+    prediction: ToolPrediction, name: str, spread: str, path: Path, trust: Trust | None = None
 ) -> None:
     """Write a prediction as one HTML file that needs nothing else.
 
     Parameters
     ----------
+    spread : str
+        What the bands rest on, in words.
     trust : Trust, optional
         Of the fit that predicts; None of a robot file.
     """
@@ -40,7 +42,7 @@ def write_prediction_page(
         drawing = figure("workspace", workspace(prediction), alt, wide=True)
         sections.append(Section("map", "Over the workspace", _body([drawing])))
     lead = f"What the identified parameters say of {where}, with {prediction.compliance.level:.0%} "
-    lead += "bands of what they leave open; errors of the model are not in them."
+    lead += f"bands of what they leave open ({spread}); errors of the model are not in them."
     content = page(
         name, "prediction", "How stiff the tool is", lead, sections, _banner(prediction, trust)
     )

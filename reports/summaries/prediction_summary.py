@@ -20,7 +20,7 @@ _MOST = 20
 """Positions that a terminal shows."""
 
 
-def tool_summary(prediction: ToolPrediction, written: Sequence[Path]) -> str:
+def tool_summary(prediction: ToolPrediction, spread: str, written: Sequence[Path]) -> str:
     """Return compliance, resonances and damping with standard deviations, position by position."""
     rows = []
     for i in range(len(prediction.points)):
@@ -38,7 +38,7 @@ def tool_summary(prediction: ToolPrediction, written: Sequence[Path]) -> str:
     frame = prediction.frame
     lines = [
         f"{frame.link} at {', '.join(f'{x:g}' for x in frame.at)} m, axes of the {frame.axes}; "
-        "motors clamped for compliances",
+        f"motors clamped for compliances; bands by {plain(spread)}",
         *table(header, rows[:_MOST], right=range(6)),
     ]
     if len(rows) > _MOST:
@@ -46,7 +46,7 @@ def tool_summary(prediction: ToolPrediction, written: Sequence[Path]) -> str:
     return "\n".join([*lines, *(f"written  {path}" for path in written)])
 
 
-def tool_document(prediction: ToolPrediction) -> dict[str, Any]:
+def tool_document(prediction: ToolPrediction, spread: str) -> dict[str, Any]:
     """Return all but responses as plain numbers, SI units."""
     return {
         "schema": "prediction/1",
@@ -62,6 +62,7 @@ def tool_document(prediction: ToolPrediction) -> dict[str, Any]:
         "resonances": _document(prediction.resonances),
         "damping_ratios": _document(prediction.damping),
         "motors": prediction.motors,
+        "spread": spread,
         "level": prediction.compliance.level,
     }
 
@@ -110,6 +111,7 @@ def margins_summary(
     band: MarginBand,
     motors: Sequence[str],
     remedies: Sequence[Suggestion],
+    spread: str,
     written: Sequence[Path],
 ) -> str:
     """Return the worst of each motor over the positions, stability, and what may help."""
@@ -142,7 +144,7 @@ def margins_summary(
     lines = [
         f"worst over {text.plural(len(band.positions), 'position')}, in brackets what "
         f"{band.level:.0%} intervals allow; each loop with the others closed; "
-        "–: no limit",
+        f"–: no limit; draws: {spread}",
         *table(header, rows, right=range(1, 6)),
         f"  largest singular value of S: {number(band.nominal.largest_sensitivity.max())}",
         f"  instability: {band.unstable[unstable]} of {band.draws} draws in position "
@@ -153,7 +155,7 @@ def margins_summary(
 
 
 def margins_document(
-    band: MarginBand, motors: Sequence[str], remedies: Sequence[Suggestion]
+    band: MarginBand, motors: Sequence[str], remedies: Sequence[Suggestion], spread: str
 ) -> dict[str, Any]:
     """Return margins, their intervals and suggestions as plain numbers, SI units."""
     content = {
@@ -165,6 +167,7 @@ def margins_document(
         "upper": band.upper,
         "level": band.level,
         "draws": band.draws,
+        "spread": spread,
         "unstable": band.unstable,
         "probability_of_instability": band.probability,
         "probability_bound": band.probability_bound,

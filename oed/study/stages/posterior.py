@@ -6,6 +6,7 @@ are not those of the noise; the sampler and its settings are the same.
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from estimators.fitting.least_squares import Fit, likelihood_fit
 from estimators.fitting.run_fit import RunFit
@@ -79,9 +80,15 @@ def _sampled(
             executor=run.executor,
         )
 
-    inputs = {
-        "robot": run.robot_digest,
-        "result": result.digest,
-        **run.settings("posterior", "seed"),
-    }
-    return run.stages.run(name, inputs, compute, dataclass_files(Posterior))
+    return run.stages.run(name, _inputs(run, result), compute, dataclass_files(Posterior))
+
+
+def stored_posterior(run: Run, result: Stage[SelectedFit]) -> Posterior | None:
+    """Return the posterior that an earlier run sampled; None without one that converged."""
+    stage = run.stages.stored("posterior", _inputs(run, result), dataclass_files(Posterior))
+    return stage.value if stage is not None and stage.value.converged else None
+
+
+def _inputs(run: Run, result: Stage[SelectedFit]) -> dict[str, Any]:
+    settings = run.settings("posterior", "seed")
+    return {"robot": run.robot_digest, "result": result.digest, **settings}
