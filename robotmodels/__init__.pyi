@@ -82,6 +82,10 @@ from .simulation.controller import (
     Controller as Controller,
     default_controller as default_controller,
 )
+from .simulation.determinant_locus import (
+    DeterminantLocus as DeterminantLocus,
+    determinant_loci as determinant_loci,
+)
 from .simulation.imperfections import Imperfections as Imperfections
 from .simulation.linear_feedback import (
     LinearFeedback as LinearFeedback,

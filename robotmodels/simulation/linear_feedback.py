@@ -64,9 +64,9 @@ class LinearFeedback:
         if self.sample_time is not None:
             check_above_zero(self.sample_time, "controller: sample_time")
 
-    def response(self, omega: Array) -> ComplexArray:
-        """Return F, (F, n, n) [N m/rad], at `omega` (F,) [rad/s]."""
-        jw = 1j * np.asarray(omega, dtype=float)
+    def response(self, omega: Array | ComplexArray) -> ComplexArray:
+        """Return F, (F, n, n) [N m/rad], at `omega` (F,) [rad/s]; complex omega is -j s."""
+        jw = 1j * np.asarray(omega)
         point = jw if self.sample_time is None else np.exp(jw * self.sample_time)
         resolvent = point[:, None, None] * np.eye(len(self.A)) - self.A
         states = np.linalg.solve(resolvent, np.broadcast_to(self.B, (len(jw), *self.B.shape)))

@@ -13,11 +13,10 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from robotmodels.common.arrays import Array, BoolArray, ComplexArray
-from robotmodels.common.errors import InvalidInput
 from robotmodels.linear.linear_model import LinearModel
 from robotmodels.linear.response import Elastic
 from robotmodels.simulation.linear_feedback import LinearFeedback
-from robotmodels.simulation.loop_plant import loop_plant, loop_poles
+from robotmodels.simulation.loop_plant import checked_models, loop_plant, loop_poles
 
 _STABLE = 1e-8
 """Poles are this uncertain where two are alike, as those of a rigid motion [samples or seconds]."""
@@ -81,9 +80,7 @@ def loop_margins(
     NoEquilibrium
         If a spring is too weak for gravity.
     """
-    models = robot.network(np.atleast_2d(positions), parameters).linear_model()
-    if models.inputs != len(feedback.D):
-        raise InvalidInput(f"controller: {len(feedback.D)} motors, the robot has {models.inputs}")
+    models = checked_models(robot, positions, feedback, parameters)
     each = [_margins(models.at(i), feedback) for i in range(len(models.mass))]
     return LoopMargins(*(np.array(values) for values in zip(*each, strict=True)))
 

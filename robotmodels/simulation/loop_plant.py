@@ -7,7 +7,9 @@ from math import factorial
 import numpy as np
 
 from robotmodels.common.arrays import Array, ComplexArray, IntArray
+from robotmodels.common.errors import InvalidInput
 from robotmodels.linear.linear_model import LinearModel
+from robotmodels.linear.response import Elastic
 from robotmodels.simulation.discrete_loop import first_order_system, zero_order_hold
 from robotmodels.simulation.linear_feedback import LinearFeedback
 
@@ -45,13 +47,13 @@ class LoopPlant:
     delay: Array
     sample_time: float | None
 
-    def response(self) -> Callable[[Array], ComplexArray]:
-        """Return G at omega (F,), (F, n, n)."""
+    def response(self) -> Callable[[Array | ComplexArray], ComplexArray]:
+        """Return G at omega (F,), (F, n, n); complex omega is -j s."""
         resolvent = self._resolvent()
 
-        def at(omega: Array) -> ComplexArray:
-            jw = 1j * np.asarray(omega, dtype=float)[:, None]
-            late: ComplexArray = np.exp(-jw * self.delay)[:, None, :]
+        def at(omega: Array | ComplexArray) -> ComplexArray:
+            jw: ComplexArray = np.asarray(1j * np.asarray(omega))[:, None]
+            late: ComplexArray = np.exp(-jw * self.delay)[:, None, :].astype(complex)
             point = jw
             if self.sample_time is not None:
                 point = np.exp(jw * self.sample_time)
@@ -73,6 +75,22 @@ class LoopPlant:
             )
         seen, driven = self.C @ vectors, np.linalg.solve(vectors, inputs)
         return lambda point: np.asarray((seen * (1 / (point - poles))[:, None, :]) @ driven)
+
+
+def checked_models(
+    robot: Elastic, positions: Array, feedback: LinearFeedback, parameters: Array | None
+) -> LinearModel:
+    """Return the linear models at `positions` (Q, n) of a robot that a controller fits.
+
+    Raises
+    ------
+    InvalidInput
+        If the controller has another number of motors.
+    """
+    models = robot.network(np.atleast_2d(positions), parameters).linear_model()
+    if models.inputs != len(feedback.D):
+        raise InvalidInput(f"controller: {len(feedback.D)} motors, the robot has {models.inputs}")
+    return models
 
 
 def loop_plant(model: LinearModel, time: float | None) -> LoopPlant:
