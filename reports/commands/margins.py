@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from reports.commands.export import stated_schema
-from reports.commands.identified import Map, Output, Position, Seed, Source, read_source
+from reports.commands.identified import Identified, Map, Output, Position, Seed, Source, read_source
 from reports.commands.options import WORKERS, AsJson, Workers, say
 from robotmodels.common.errors import InvalidInput
 
 if TYPE_CHECKING:
     from oed.experiment.experiment_file import Experiment
+    from reports.summaries.margins_summary import ControllerMargins
     from robotmodels import ElasticRobot
     from robotmodels.simulation.linear_feedback import LinearFeedback
 
@@ -49,45 +50,58 @@ def margins(
     """
     described = None if controller is None else _read_controller(controller)
     model = read_source(source, position, spread, workers)
+    from reports.summaries.margins_summary import margins_document, margins_summary
+
+    loop = _feedback(described, model.robot, sample_time, controller)
+    computed = _computed(model, loop, draws, seed)
+    files = _written(computed, model.robot.name, (output or model.folder).resolve())
+    say(
+        lambda: margins_summary(computed, files),
+        lambda: margins_document(computed) | {"files": list(map(str, files))},
+        as_json,
+    )
+
+
+def _computed(
+    model: Identified, loop: "LinearFeedback", draws: int, seed: int
+) -> "ControllerMargins":
     from functools import partial
 
     import numpy as np
 
     from estimators.validation.margin_bands import predict_margins, suggestions
-    from reports.summaries import prediction_summary as summary
+    from reports.summaries.margins_summary import ControllerMargins
     from reports.summaries.progress import progress_bars
-    from robotmodels.common.atomic_files import staged_folder
-    from robotmodels.common.plain_data import json_text
+    from robotmodels import determinant_loci
 
-    robot, positions = model.robot, model.positions
-    loop, motors = _feedback(described, robot, sample_time, controller), robot.motor_names
+    theta = model.source.parameters.values
     with progress_bars() as bars:
         band = predict_margins(
             model.source,
             loop,
-            positions,
+            model.positions,
             rng=np.random.default_rng(seed),
             draws=model.draws(draws, seed),
             progress=None if bars is None else partial(bars, "draws"),
         )
-    remedies = suggestions(robot, loop, positions, model.source.parameters.values)
-    target = (output or model.folder).resolve()
-    contents = {
-        "margins.csv": summary.margins_csv(band, motors),
-        "margins.json": json_text(summary.margins_document(band, motors, remedies, model.spread)),
-    }
+    loci = determinant_loci(model.robot, model.positions, loop, theta)
+    remedies = suggestions(model.robot, loop, model.positions, theta)
+    return ControllerMargins(band, loci, tuple(model.robot.motor_names), remedies, model.spread)
+
+
+def _written(computed: "ControllerMargins", name: str, target: Path) -> list[Path]:
+    """Write table, numbers and page into a folder, and return the files."""
+    from reports.pages.margins_page import write_margins_page
+    from reports.summaries.margins_summary import margins_csv, margins_document
+    from robotmodels.common.atomic_files import staged_folder
+    from robotmodels.common.plain_data import json_text
+
     with staged_folder(target) as staged:
-        for name, content in contents.items():
-            (staged / name).write_text(content, encoding="utf-8")
-    files = [target / name for name in contents]
-    say(
-        lambda: summary.margins_summary(band, motors, remedies, model.spread, files),
-        lambda: (
-            summary.margins_document(band, motors, remedies, model.spread)
-            | {"files": list(map(str, files))}
-        ),
-        as_json,
-    )
+        (staged / "margins.csv").write_text(margins_csv(computed), encoding="utf-8")
+        document = json_text(margins_document(computed))
+        (staged / "margins.json").write_text(document, encoding="utf-8")
+        write_margins_page(computed, name, staged / "margins.html")
+    return [target / f"margins.{ending}" for ending in ("csv", "json", "html")]
 
 
 def _read_controller(path: Path) -> "LinearFeedback | Experiment":

@@ -39,20 +39,23 @@ def driving_point(prediction: ToolPrediction, position: int) -> Drawing:
 
 
 def workspace(prediction: ToolPrediction) -> Drawing:
-    """Return largest compliance and lowest resonance over where the point is, side and top view."""
+    """Return largest compliance, lowest resonance and its damping over where the point is."""
 
     def draw(palette: Palette) -> Figure:
-        figure = Figure(figsize=(7.0, 5.4), layout="constrained")
+        figure = Figure(figsize=(7.0, 8.0), layout="constrained")
         x, y, z = prediction.points.T
         resonances, deviations = prediction.resonances, "relative deviation [%]"
+        damping = prediction.damping
         values = (
             ("softest compliance [µm/N]", 1e6 * prediction.compliance.values[:, 0].real),
             (deviations, 100 * prediction.compliance.std[:, 0]),
             ("lowest resonance [Hz]", resonances.values[:, 0].real / (2 * np.pi)),
             (deviations, 100 * resonances.std[:, 0]),
+            ("damping ratio of that mode [%]", 100 * damping.values[:, 0].real),
+            (deviations, 100 * damping.std[:, 0]),
         )
         for k, (title, value) in enumerate(values):
-            axes = figure.add_subplot(2, 2, k + 1)
+            axes = figure.add_subplot(3, 2, k + 1)
             dots = axes.scatter(np.hypot(x, y), z, c=value, s=14, cmap="viridis")
             axes.set(title=title, xlabel="from the base's axis [m]", ylabel="height [m]")
             figure.colorbar(dots, ax=axes)

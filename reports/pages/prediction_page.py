@@ -38,7 +38,7 @@ def write_prediction_page(
         count = min(len(prediction.points), _SHOWN)
         sections.append(Section("responses", "Responses", _body(_responses(prediction, count))))
     if len(prediction.points) > _SHOWN:
-        alt = "Compliance and lowest resonance, and their deviations, over the workspace"
+        alt = "Compliance, lowest resonance, its damping, and their deviations, over the workspace"
         drawing = figure("workspace", workspace(prediction), alt, wide=True)
         sections.append(Section("map", "Over the workspace", _body([drawing])))
     lead = f"What the identified parameters say of {where}, with {prediction.compliance.level:.0%} "

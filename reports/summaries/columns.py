@@ -1,9 +1,12 @@
 """Aligned columns and wrapped lines for a terminal, in characters any font has."""
 
+import csv
+import io
 import re
 import textwrap
 from collections.abc import Iterable, Sequence
 from itertools import zip_longest
+from typing import Any
 
 from reports import text
 
@@ -77,3 +80,13 @@ def hung(first: str, words: str, indent: int = 4) -> list[str]:
         break_long_words=False,
         break_on_hyphens=False,
     )
+
+
+def csv_text(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    """Return a table as CSV, numbers to nine digits."""
+    lines = io.StringIO()
+    writer = csv.writer(lines, lineterminator="\n")
+    writer.writerows(
+        [header, *([f"{x:.9g}" if isinstance(x, float) else x for x in r] for r in rows)]
+    )
+    return lines.getvalue()

@@ -1,18 +1,15 @@
-"""What ``oed predict`` and ``oed margins`` say: tables for a terminal, JSON, and CSV for others."""
+"""What ``oed predict`` says: tables for a terminal, JSON, and CSV for others."""
 
-import csv
-import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from estimators.validation.margin_bands import MarginBand, Suggestion
 from estimators.validation.predict import Prediction
 from estimators.validation.predict_tool import ToolPrediction
 from reports import text
-from reports.summaries.columns import number, plain, table
+from reports.summaries.columns import csv_text, plain, table
 from robotmodels.common.arrays import Array
 from robotmodels.common.plain_data import json_data
 
@@ -79,7 +76,7 @@ def tool_csv(prediction: ToolPrediction, motors: Sequence[str]) -> str:
     columns += [_columns(prediction.compliance, i) for i in range(3)]
     for i in range(k):
         columns += [_columns(prediction.resonances, i), _columns(prediction.damping, i)]
-    return _csv(header, np.hstack(columns).tolist())
+    return csv_text(header, np.hstack(columns).tolist())
 
 
 def response_csv(prediction: ToolPrediction) -> str:
@@ -94,112 +91,7 @@ def response_csv(prediction: ToolPrediction) -> str:
             sizes = value.real, value.imag, abs(value)
             spread = (getattr(band, name)[at] for name in ("std", "phase_std", "lower", "upper"))
             rows.append([q + 1, hertz, "xyz"[i], "xyz"[j], *sizes, *(float(x) for x in spread)])
-    return _csv(header, rows)
-
-
-_MARGINS = {
-    "gain_margin": "-",
-    "gain_reduction": "-",
-    "phase_margin": "rad",
-    "peak_sensitivity": "-",
-    "peak_frequency": "rad/s",
-    "bandwidth": "rad/s",
-}
-
-
-def margins_summary(
-    band: MarginBand,
-    motors: Sequence[str],
-    remedies: Sequence[Suggestion],
-    spread: str,
-    written: Sequence[Path],
-) -> str:
-    """Return the worst of each motor over the positions, stability, and what may help."""
-    rows = []
-    nominal = band.nominal
-    for i, motor in enumerate(motors):
-        gains = (number(m.gain_margin[:, i].min()) for m in (nominal, band.lower))
-        phases = (np.rad2deg(m.phase_margin[:, i].min()) for m in (nominal, band.lower))
-        peaks = (number(m.peak_sensitivity[:, i].max()) for m in (nominal, band.upper))
-        worst = int(np.argmax(nominal.peak_sensitivity[:, i]))
-        rows.append(
-            (
-                motor,
-                "{} ({})".format(*gains),
-                "{:.1f} ({:.1f})".format(*phases),
-                "{} ({})".format(*peaks),
-                number(nominal.peak_frequency[worst, i] / (2 * np.pi)),
-                number(nominal.bandwidth[:, i].min() / (2 * np.pi)),
-            )
-        )
-    header = (
-        "motor",
-        "gain margin\n(lower end)",
-        "phase [deg]\n(lower end)",
-        "peak of S\n(upper end)",
-        "at\n[Hz]",
-        "bandwidth\n[Hz]",
-    )
-    unstable = int(np.argmax(band.unstable))
-    lines = [
-        f"worst over {text.plural(len(band.positions), 'position')}, in brackets what "
-        f"{band.level:.0%} intervals allow; each loop with the others closed; "
-        f"–: no limit; draws: {spread}",
-        *table(header, rows, right=range(1, 6)),
-        f"  largest singular value of S: {number(band.nominal.largest_sensitivity.max())}",
-        f"  instability: {band.unstable[unstable]} of {band.draws} draws in position "
-        f"{unstable + 1}, the worst; at most {100 * band.probability_bound[unstable]:.2g} % (95 %)",
-    ]
-    lines += [f"  to begin with, {_words(remedy, motors)}" for remedy in remedies]
-    return "\n".join(plain(line) for line in [*lines, *(f"written  {p}" for p in written)])
-
-
-def margins_document(
-    band: MarginBand, motors: Sequence[str], remedies: Sequence[Suggestion], spread: str
-) -> dict[str, Any]:
-    """Return margins, their intervals and suggestions as plain numbers, SI units."""
-    content = {
-        "schema": "margins/1",
-        "motors": list(motors),
-        "positions": band.positions,
-        "nominal": band.nominal,
-        "lower": band.lower,
-        "upper": band.upper,
-        "level": band.level,
-        "draws": band.draws,
-        "spread": spread,
-        "unstable": band.unstable,
-        "probability_of_instability": band.probability,
-        "probability_bound": band.probability_bound,
-        "suggestions": tuple(remedies),
-    }
-    document: dict[str, Any] = json_data(content)
-    return document
-
-
-def margins_csv(band: MarginBand, motors: Sequence[str]) -> str:
-    """Return a table with a row for each position and motor."""
-    header = ["position", "motor", "stable", "unstable draws", "largest singular value of S"]
-    for name, unit in _MARGINS.items():
-        header += [f"{name} [{unit}]", f"{name} lower", f"{name} upper"]
-    rows = []
-    for q, i in np.ndindex(len(band.positions), len(motors)):
-        row: list[Any] = [q + 1, motors[i], bool(band.nominal.stable[q]), int(band.unstable[q])]
-        row.append(float(band.nominal.largest_sensitivity[q]))
-        for name in _MARGINS:
-            row += [float(getattr(m, name)[q, i]) for m in (band.nominal, band.lower, band.upper)]
-        rows.append(row)
-    return _csv(header, rows)
-
-
-def _words(remedy: Suggestion, motors: Sequence[str]) -> str:
-    what = f"{remedy.gain:g} of its gain"
-    if remedy.notch is not None:
-        hertz = remedy.notch.frequency / (2 * np.pi)
-        what = f"a notch at {number(hertz)} Hz, damping {remedy.notch.zeros:g}"
-        what += f" over {remedy.notch.poles:g}"
-    change = f"from {number(remedy.before)} to {number(remedy.after)}"
-    return f"{motors[remedy.motor]}: {what} takes its worst peak of S {change}"
+    return csv_text(header, rows)
 
 
 def _cell(prediction: Prediction, row: int, column: int, factor: float) -> str:
@@ -223,12 +115,3 @@ def _titles(name: str, unit: str) -> list[str]:
 def _columns(prediction: Prediction, i: int) -> Array:
     parts = (prediction.values.real, prediction.std, prediction.lower, prediction.upper)
     return np.stack([part[:, i] for part in parts], axis=1)
-
-
-def _csv(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    lines = io.StringIO()
-    writer = csv.writer(lines, lineterminator="\n")
-    writer.writerows(
-        [header, *([f"{x:.9g}" if isinstance(x, float) else x for x in r] for r in rows)]
-    )
-    return lines.getvalue()

@@ -6,6 +6,7 @@ clock, as the open loop has unstable poles more than the closed one (Skogestad a
 rigid motions lie outside it; delays are exact.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,8 +19,8 @@ from robotmodels.simulation.loop_plant import LoopPlant, checked_models, loop_pl
 
 GROWTH = 1e-3
 """Motions that grow more slowly do not count [1/s]."""
-_TURN, _ROUNDS, _LINES = 0.3, 60, 400
-"""Turn between two frequencies at most [rad], how often they are halved, how many to begin with."""
+_STEP, _ROUNDS, _LINES = 0.3, 60, 400
+"""Change of ln det between frequencies, how often these are halved, how many to begin with."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,17 +82,24 @@ def _locus(model: LinearModel, feedback: LinearFeedback) -> DeterminantLocus:
         loop = feedback.response(shifted) @ respond(shifted)
         return np.asarray(np.linalg.det(eye + loop))
 
-    omega = _first_frequencies(plant, poles)
+    omega, values = _refined(determinant, _first_frequencies(plant, poles))
+    turned = float(np.angle(values[1:] / values[:-1]).sum()) / np.pi
+    return DeterminantLocus(omega, values, int(outside.sum()), round(turned))
+
+
+def _refined(
+    determinant: Callable[[Array], ComplexArray], omega: Array
+) -> tuple[Array, ComplexArray]:
+    """Return frequencies between which the curve hardly changes, and the curve there."""
     values = determinant(omega)
     for _ in range(_ROUNDS):
-        i = np.flatnonzero(np.abs(np.angle(values[1:] / values[:-1])) > _TURN)
+        i = np.flatnonzero(np.abs(np.log(values[1:] / values[:-1])) > _STEP)
         if not i.size:
             break
         middle = (omega[i] + omega[i + 1]) / 2
         omega = np.insert(omega, i + 1, middle)
         values = np.insert(values, i + 1, determinant(middle))
-    turned = float(np.angle(values[1:] / values[:-1]).sum()) / np.pi
-    return DeterminantLocus(omega, values, int(outside.sum()), round(turned))
+    return omega, values
 
 
 def _first_frequencies(plant: LoopPlant, poles: ComplexArray) -> Array:
