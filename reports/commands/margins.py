@@ -54,7 +54,7 @@ def margins(
 
     loop = _feedback(described, model.robot, sample_time, controller)
     computed = _computed(model, loop, draws, seed)
-    files = _written(computed, model.robot.name, (output or model.folder).resolve())
+    files = _written(computed, model, (output or model.folder).resolve())
     say(
         lambda: margins_summary(computed, files),
         lambda: margins_document(computed) | {"files": list(map(str, files))},
@@ -89,7 +89,7 @@ def _computed(
     return ControllerMargins(band, loci, tuple(model.robot.motor_names), remedies, model.spread)
 
 
-def _written(computed: "ControllerMargins", name: str, target: Path) -> list[Path]:
+def _written(computed: "ControllerMargins", model: Identified, target: Path) -> list[Path]:
     """Write table, numbers and page into a folder, and return the files."""
     from reports.pages.margins_page import write_margins_page
     from reports.summaries.margins_summary import margins_csv, margins_document
@@ -100,7 +100,8 @@ def _written(computed: "ControllerMargins", name: str, target: Path) -> list[Pat
         (staged / "margins.csv").write_text(margins_csv(computed), encoding="utf-8")
         document = json_text(margins_document(computed))
         (staged / "margins.json").write_text(document, encoding="utf-8")
-        write_margins_page(computed, name, staged / "margins.html")
+        trust = getattr(model.source, "trust", None)
+        write_margins_page(computed, model.robot.name, staged / "margins.html", trust)
     return [target / f"margins.{ending}" for ending in ("csv", "json", "html")]
 
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from estimators.trust.trust import Trust
 from reports import text
 from reports.figures.margins_figures import determinant_curve, margins_by_motor
 from reports.page_elements import (
@@ -18,6 +19,7 @@ from reports.page_elements import (
     page,
     table,
 )
+from reports.sections.verdict import bands_banner
 from reports.summaries.margins_summary import (
     ControllerMargins,
     locus_words,
@@ -27,8 +29,16 @@ from reports.summaries.margins_summary import (
 from robotmodels.common.atomic_files import write_text
 
 
-def write_margins_page(margins: ControllerMargins, name: str, path: Path) -> None:
-    """Write margins as one HTML file that needs nothing else."""
+def write_margins_page(
+    margins: ControllerMargins, name: str, path: Path, trust: Trust | None = None
+) -> None:
+    """Write margins as one HTML file that needs nothing else.
+
+    Parameters
+    ----------
+    trust : Trust, optional
+        Of the fit that predicts; None of a robot file.
+    """
     band = margins.band
     loops = filled(
         "margins.html.j2",
@@ -60,7 +70,8 @@ def write_margins_page(margins: ControllerMargins, name: str, path: Path) -> Non
         f"{text.plural(len(band.positions), 'position')}, with {band.level:.0%} intervals of what "
         f"they leave open ({margins.spread}); errors of the model are not in them."
     )
-    write_text(path, page(name, "margins", "What this means for the controller", lead, sections))
+    banner, kicker = bands_banner(band.level, trust), "What this means for the controller"
+    write_text(path, page(name, "margins", kicker, lead, sections, banner))
 
 
 def worst_table(margins: ControllerMargins) -> Table:
@@ -83,7 +94,7 @@ def position_table(margins: ControllerMargins) -> Table:
             number_cell(float(band.nominal.largest_sensitivity[i]), text.significant, 3),
             margins.motors[int(np.argmax(band.nominal.peak_sensitivity[i]))],
             Number(f"{band.unstable[i]} of {band.draws}", float(band.unstable[i])),
-            number_cell(float(band.probability_bound[i])),
+            number_cell(float(band.probability_bound[i]), text.percent),
         )
         for i in range(len(band.positions))
     ]

@@ -6,11 +6,10 @@ from markupsafe import Markup
 
 from estimators.trust.trust import Trust
 from estimators.validation.predict_tool import ToolPrediction
-from reports import text
 from reports.figures.prediction_figures import driving_point, workspace
-from reports.page_elements import Figure, Section, Table, figure, filled, page, page_banner
+from reports.page_elements import Figure, Section, Table, figure, filled, page
 from reports.sections.tool import prediction_table
-from reports.sections.verdict import KINDS, headline
+from reports.sections.verdict import bands_banner
 from robotmodels.common.atomic_files import write_text
 
 _SHOWN = 6
@@ -43,21 +42,9 @@ def write_prediction_page(
         sections.append(Section("map", "Over the workspace", _body([drawing])))
     lead = f"What the identified parameters say of {where}, with {prediction.compliance.level:.0%} "
     lead += f"bands of what they leave open ({spread}); errors of the model are not in them."
-    content = page(
-        name, "prediction", "How stiff the tool is", lead, sections, _banner(prediction, trust)
-    )
+    banner = bands_banner(prediction.compliance.level, trust)
+    content = page(name, "prediction", "How stiff the tool is", lead, sections, banner)
     write_text(path, content)
-
-
-def _banner(prediction: ToolPrediction, trust: Trust | None) -> Markup:
-    """Return the verdict on the fit, or on what the bands rest if there is none."""
-    level = f"Quote values with their {prediction.compliance.level:.0%} bands"
-    if trust is None:
-        reason = "The bands rest on the standard deviations of the robot file"
-        return page_banner("As certain as the robot file", "sound", reason, quote=f"{level}.")
-    kind, reason = KINDS.get(trust.verdict, "refused"), text.sentence(trust.verdict.reason)
-    words = f"{level}." if kind != "refused" else "Quote no band: they do not allow for this."
-    return page_banner(headline(trust), kind, text.typeset(reason), quote=words)
 
 
 def _responses(prediction: ToolPrediction, count: int) -> list[Figure]:

@@ -138,3 +138,14 @@ def interval_words(one: Interval, factor: float = 1.0, decimals: int | None = No
     if one.low is not None:
         return f"> {text.significant(one.low / factor, 2)}"
     return "–"
+
+
+def bands_banner(coverage: float, trust: Trust | None) -> Markup:
+    """Return the verdict on the fit, or on what the bands rest if there is none."""
+    level = f"Quote values with their {coverage:.0%} bands"
+    if trust is None:
+        reason = "The bands rest on the standard deviations of the robot file"
+        return page_banner("As certain as the robot file", "sound", reason, quote=f"{level}.")
+    kind, reason = KINDS.get(trust.verdict, "refused"), text.sentence(trust.verdict.reason)
+    words = f"{level}." if kind != "refused" else "Quote no band: they do not allow for this."
+    return page_banner(headline(trust), kind, text.typeset(reason), quote=words)
