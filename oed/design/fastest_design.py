@@ -134,6 +134,8 @@ def fastest_design(
             if problem.costs @ fewer <= (1 + tolerance) * bound.time:
                 return problem.design(fewer, bound)
         weights = min(weights, fewer, key=problem.costs.dot)
+        if problem.costs @ weights <= (1 + tolerance) * bound.time:  # by a bound of later
+            return problem.design(weights, bound)
         budget = float(problem.costs @ weights)
         accuracy = max(
             min(accuracy, _SHARPER * (budget / max(bound.time, 1e-9 * budget) - 1.0)), last

@@ -22,6 +22,24 @@ def test_a_script_runs(script, tmp_path, monkeypatch, capsys):
     assert capsys.readouterr().out.strip()
 
 
+GALLERY = [
+    pytest.param(script, id=script.stem, marks=[pytest.mark.slow] * (script.stem == "campaign"))
+    for script in sorted((EXAMPLES / "gallery").glob("*.py"))
+]
+
+
+@pytest.mark.parametrize("script", GALLERY)
+def test_a_script_of_the_gallery_runs_and_draws(script, tmp_path, monkeypatch):
+    """In its folder, as its data are sought from there; what the docs make of it: test_gallery."""
+    content, drawn = script.read_text(encoding="utf-8"), []
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "examples").symlink_to(EXAMPLES)
+    monkeypatch.setattr(plt, "show", lambda: drawn.extend(plt.get_fignums()))
+    exec(compile(content, script.name, "exec"), {"__name__": "__main__"})
+    plt.close("all")
+    assert len(set(drawn)) == content.count("# %% picture=") > 0
+
+
 EXECUTE = """
 import sys, nbformat, nbclient
 notebook = nbformat.read(sys.argv[1], as_version=4)
