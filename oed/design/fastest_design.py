@@ -131,11 +131,9 @@ def fastest_design(
         bound = max(bound, problem.bound(design, budget), key=attrgetter("time"))
         for share in _SHARES:
             fewer = problem.stretched(_without_small(design.weights, share))
-            if problem.costs @ fewer <= (1 + tolerance) * bound.time:
-                return problem.design(fewer, bound)
-        weights = min(weights, fewer, key=problem.costs.dot)
-        if problem.costs @ weights <= (1 + tolerance) * bound.time:  # by a bound of later
-            return problem.design(weights, bound)
+            weights = min(weights, fewer, key=problem.costs.dot)
+            if problem.costs @ weights <= (1 + tolerance) * bound.time:
+                return problem.design(weights, bound)
         budget = float(problem.costs @ weights)
         accuracy = max(
             min(accuracy, _SHARPER * (budget / max(bound.time, 1e-9 * budget) - 1.0)), last
