@@ -195,11 +195,11 @@ def _path(paths: Sequence[Path], corners: Array, style: str) -> str:
 
 def _phase(x: Array, response: ComplexArray, width: float, height: float) -> Path:
     """Return a phase from -180 to 180 degrees, below to above."""
-    across, turns = _unbroken(x, np.angle(response))
+    across, turns = unbroken(x, np.angle(response))
     return compact_path.line(across, height * (0.5 - turns / (2 * np.pi)), width, height)
 
 
-def _unbroken(x: Array, phase: Array) -> tuple[Array, Array]:
+def unbroken(x: Array, phase: Array) -> tuple[Array, Array]:
     """Return a wrapped phase with a gap wherever it jumps from one edge to the other."""
     jumps = np.flatnonzero(np.abs(np.diff(phase)) > np.pi) + 1
     return np.insert(x, jumps, np.nan), np.insert(phase, jumps, np.nan)

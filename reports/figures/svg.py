@@ -68,6 +68,12 @@ def inline(draw: Callable[[Palette], Figure], name: str, alt: str) -> Markup:
     return Markup(svg)
 
 
+def in_light(draw: Callable[[Palette], Figure]) -> Figure:
+    """Return a figure in the page's light colours, for notebooks and papers."""
+    with mpl.rc_context(_style(LIGHT)):
+        return draw(LIGHT)
+
+
 def _picture(draw: Callable[[Palette], Figure], alt: str) -> Markup:
     """Return a figure as PNG on a light card, readable on a dark page too."""
     with mpl.rc_context(_style(LIGHT)):

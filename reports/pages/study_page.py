@@ -12,18 +12,46 @@ from robotmodels.common.progress import StageProgress
 
 
 def write_report(
-    results: StudyResults, path: Path, progress: StageProgress | None = None, command: str = ""
+    results: StudyResults,
+    path: Path | str,
+    progress: StageProgress | None = None,
+    command: str = "",
 ) -> tuple[Failure, ...]:
     """Write the report of a study as one HTML file; return what of it could not be made.
 
     Parameters
     ----------
+    results : StudyResults
+        As of `oed.study.pipeline.run_study`.
+    path : Path or str
+        The file.
+    progress : StageProgress, optional
+        Told how many sections are done.
     command : str
         What made the report.
     """
     sections, failed = study_sections(results, progress, command)
-    write_text(path, _page(results, sections))
+    write_text(Path(path), _page(results, sections))
     return failed
+
+
+def show(results: StudyResults, path: Path | str | None = None) -> Path:
+    """Open the report of a study in the browser; return its file.
+
+    Parameters
+    ----------
+    results : StudyResults
+        As of `oed.study.pipeline.run_study`.
+    path : Path or str, optional
+        Where to write it; a new temporary folder by default.
+    """
+    import tempfile
+    import webbrowser
+
+    file = Path(path or Path(tempfile.mkdtemp(prefix="oed-")) / "report.html").resolve()
+    write_report(results, file)
+    webbrowser.open(file.as_uri())
+    return file
 
 
 def _page(results: StudyResults, sections: list[Section]) -> str:

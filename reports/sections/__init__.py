@@ -73,12 +73,12 @@ def _residuals(results: StudyResults) -> Section:
     if results.study.fits_runs:
         runs = tuple(f"run {e + 1}" for e in range(analysis.by_element.shape[1]))
         by_run = residuals.element_table(analysis.by_element.T, "", runs, robot_.output_names)
-        return residuals.section(analysis, results.trust, by_run)
+        return residuals.section(analysis, results.trust, by_run, results.fits.result)
     columns = tuple(f"from {motor}" for motor in robot_.motor_names)
     by_element = residuals.element_table(
         analysis.by_element, "output", robot_.output_names, columns
     )
-    return residuals.section(analysis, results.trust, by_element)
+    return residuals.section(analysis, results.trust, by_element, results.fits.result)
 
 
 def _cross_check(results: StudyResults) -> Section | None:

@@ -1,14 +1,18 @@
 """The design: efficiency of the positions, its certificate, and the limits on them."""
 
+import numpy as np
+
 from oed.design.robust_design import RobustDesign
+from oed.exact.nested_plans import nested_plans
 from oed.experiment.visiting_order import VisitingOrder
 from oed.study.parts import DesignedPlan
 from oed.study.results import FittedStudy, PlannedStudy
 from oed.study.settings.design_settings import DesignChoice
 from reports import text
-from reports.figures import study_figures
+from reports.figures import plan_figures, study_figures
 from reports.page_elements import (
     Column,
+    Figure,
     Number,
     Section,
     Table,
@@ -56,8 +60,20 @@ def section(results: PlannedStudy) -> Section | None:
         samples=0 if robust is None else len(robust.efficiency),
         least=[text.percent(float(value)) for value in least],
         sensitivity=sensitivity,
+        growth=growth(plan),
     )
     return Section("design", "Design", body)
+
+
+def growth(plan: DesignedPlan) -> Figure:
+    """Return standard deviations after each visit, the most informative visits first."""
+    visit = plan.visit_share * np.array([*plan.information.take(plan.used)])
+    nested = nested_plans(visit, plan.exact.repetitions[plan.used])
+    first = text.listed([str(q + 1) for q in dict.fromkeys(nested.order.tolist())])
+    cost = np.arange(1, len(nested.order) + 1)
+    drawing = plan_figures.trade_off(cost, nested.std, plan.information.names)
+    alt = "Largest and median standard deviation over the number of visits"
+    return figure("growth", drawing, alt, caption=first)
 
 
 def limits(choice: DesignChoice) -> list[str]:

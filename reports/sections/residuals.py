@@ -2,11 +2,13 @@
 
 import numpy as np
 
+from estimators.fitting.fitted_model import FittedModel
 from estimators.trust.rule import LEVEL
 from estimators.trust.trust import Trust
 from estimators.uncertainty.residual_analysis import ResidualAnalysis
+from estimators.uncertainty.standardised_residuals import standardised_residuals
 from reports import text
-from reports.figures import study_figures
+from reports.figures import residual_figures, study_figures
 from reports.page_elements import (
     Column,
     Figure,
@@ -25,8 +27,10 @@ from robotmodels.common.arrays import Array
 MOST_CONSPICUOUS, MOST_RISKY = 40, 10
 
 
-def section(analysis: ResidualAnalysis, trust: Trust, elements: Table) -> Section:
-    """Return the section, which ends with a table of `elements`."""
+def section(
+    analysis: ResidualAnalysis, trust: Trust, elements: Table, fit: FittedModel | None = None
+) -> Section:
+    """Return the section, which ends with a table of `elements`; with a `fit` its residuals too."""
     body = filled(
         "residuals.html.j2",
         analysis=analysis,
@@ -39,6 +43,7 @@ def section(analysis: ResidualAnalysis, trust: Trust, elements: Table) -> Sectio
         whiteness=text.probability(analysis.whiteness_p_value),
         outlying=text.listed([str(q + 1) for q in analysis.outlying]),
         positions=by_position(analysis),
+        pictures=[] if fit is None else pictures(fit, analysis),
         elements=elements,
     )
     return Section("residuals", "Residuals", body)
@@ -105,6 +110,23 @@ def by_position(analysis: ResidualAnalysis) -> Figure | None:
         study_figures.over_expected(analysis.by_position, analysis.outlying),
         "Sum of squared residuals over its expectation, for every position",
     )
+
+
+def pictures(fit: FittedModel, analysis: ResidualAnalysis) -> list[Figure]:
+    """Return maps and laws of the standardised residuals."""
+    standardised = standardised_residuals(fit)
+    return [
+        figure(
+            "residual-map",
+            residual_figures.residual_map(standardised, fit.problem.omega),
+            "Mean squared standardised residuals, a row for each position along the frequencies",
+        ),
+        figure(
+            "residual-laws",
+            residual_figures.residual_laws(standardised, analysis.autocorrelation),
+            "Quantiles of residuals against those of the normal law, and their autocorrelation",
+        ),
+    ]
 
 
 def element_table(

@@ -5,7 +5,8 @@ import numpy as np
 from estimators.validation.predict_tool import ToolPrediction
 from oed.study.results import StudyResults
 from reports import text
-from reports.page_elements import Cell, Number, Section, Table, filled, numbers, table
+from reports.figures import mode_figures
+from reports.page_elements import Cell, Number, Section, Table, figure, filled, numbers, table
 
 
 def section(results: StudyResults) -> Section | None:
@@ -13,7 +14,13 @@ def section(results: StudyResults) -> Section | None:
     if results.uncertainty.theorem1 is None:
         return None
     shown = prediction_table(results.tool)
-    return Section("tool", "Tool", filled("prediction.html.j2", figures=[], table=shown))
+    modes = figure(
+        "modes",
+        mode_figures.modes(results.tool),
+        "Resonances and damping ratios of the lowest modes in each position",
+        caption="Lowest modes in each position, with one standard deviation.",
+    )
+    return Section("tool", "Tool", filled("prediction.html.j2", figures=[modes], table=shown))
 
 
 def prediction_table(prediction: ToolPrediction) -> Table:

@@ -7,7 +7,7 @@ from estimators.sampling.posterior import Posterior
 from estimators.uncertainty.covariance import Uncertainty
 from oed.study.results import StudyResults
 from reports import text
-from reports.figures import uncertainty_figures
+from reports.figures import posterior_figures, uncertainty_figures
 from reports.page_elements import (
     Column,
     Figure,
@@ -45,6 +45,7 @@ def section(results: StudyResults, theorem1: Uncertainty, posterior: Posterior) 
         strongest=strongest_correlation(theorem1),
         corner=corner(results, theorem1, posterior),
         corner_names=corner_names(theorem1),
+        traces=traces(results, theorem1, posterior),
         convergence=convergence_table(posterior),
     )
     return Section("uncertainty", "Uncertainty", body)
@@ -82,6 +83,15 @@ def corner(results: StudyResults, theorem1: Uncertainty, posterior: Posterior) -
     covariance = 1e4 * theorem1.covariance[np.ix_(i, i)]
     drawing = uncertainty_figures.corner_plot(names, shown, covariance, truth)
     return figure("corner", drawing, f"Corner plot of the posterior of {text.listed(names)}")
+
+
+def traces(results: StudyResults, theorem1: Uncertainty, posterior: Posterior) -> Figure:
+    """Return traces and ranks of the least certain parameters."""
+    names = corner_names(theorem1)
+    i = [theorem1.names.index(name) for name in names]
+    chains = 100 * (posterior.chains - np.log(results.fits.result.parameters.values))[..., i]
+    alt = f"Means of each ensemble along the chain, and ranks of its draws, of {text.listed(names)}"
+    return figure("traces", posterior_figures.traces(names, chains), alt)
 
 
 def convergence_table(p: Posterior) -> Table:

@@ -1,0 +1,105 @@
+"""Figures of standardised residuals: where they are large, and whether noise has their law."""
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+
+from reports.figures.cells import shade_cells
+from reports.figures.study_figures import Drawing
+from reports.figures.svg import Palette
+from robotmodels.common.arrays import Array, IntArray
+
+_COLUMNS = 40  # of a map, at most
+_SHADES = np.array([0.5, 0.7, 0.85, 1.18, 1.4, 2.0, 3.0])  # mean squares between shades
+_OPACITY = (0.9, 0.55, 0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
+_QUANTILES = 60
+_BOUND = 3.29  # of an autocorrelation of white noise, in a thousandth of all cases
+
+
+def residual_map(standardised: Array, omega: Array) -> Drawing:
+    """Return mean squared residuals by position and line, one where noise explains them.
+
+    Parameters
+    ----------
+    standardised : ndarray, (parts, Q, F, k)
+        As of `standardised_residuals`; neighbouring lines are taken together where there are many.
+    omega : ndarray, (F,), rad/s
+        Angular frequencies.
+    """
+    edges = np.unique(np.linspace(0, len(omega), min(len(omega), _COLUMNS) + 1).astype(int))
+    cells = _mean_squares(standardised, edges)
+    hertz = omega / (2 * np.pi)
+    between = np.sqrt(hertz[1:] * hertz[:-1])
+    ends = np.concatenate([hertz[:1], between, hertz[-1:]])[edges]
+
+    def draw(palette: Palette) -> Figure:
+        rows = len(cells)
+        figure = Figure(figsize=(7.0, 0.9 + 0.17 * rows), layout="constrained")
+        axes = figure.add_subplot()
+        colours = [palette.accent] * 4 + [palette.second] * 4
+        styles = list(zip(colours, _OPACITY, strict=True))
+        shade_cells(axes, ends, np.arange(rows + 1.0) + 0.5, np.digitize(cells, _SHADES), styles)
+        axes.set(xlim=(ends[0], ends[-1]), ylim=(rows + 0.5, 0.5), xscale="log")
+        axes.set(xlabel="frequency [Hz]", ylabel="position")
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.yaxis.set_major_locator(MaxNLocator(12, integer=True))
+        return figure
+
+    return draw
+
+
+def _mean_squares(standardised: Array, edges: IntArray) -> Array:
+    """Return means over the lines between edges, (Q, C); one where no element is used."""
+    used = np.isfinite(standardised)
+    squares = np.square(np.where(used, standardised, 0.0)).sum(axis=(0, 3))
+    number, total = (
+        np.add.reduceat(values, edges[:-1], axis=1) for values in (used.sum(axis=(0, 3)), squares)
+    )
+    return np.asarray(np.where(number > 0, total / np.maximum(number, 1), 1.0))
+
+
+def residual_laws(standardised: Array, autocorrelation: Array) -> Drawing:
+    """Return quantiles of the residuals against those of noise, and their autocorrelation.
+
+    Parameters
+    ----------
+    standardised : ndarray, (parts, Q, F, k)
+        As of `standardised_residuals`.
+    autocorrelation : ndarray, (L,)
+        Over 1 to L neighbouring lines.
+    """
+    normal, quantile = _quantiles(standardised)
+    bound = _BOUND / np.sqrt(np.isfinite(standardised).sum())
+
+    def draw(palette: Palette) -> Figure:
+        figure = Figure(figsize=(7.0, 2.9), layout="constrained")
+        quantiles, lags = figure.subplots(1, 2)
+        reach = max(4.0, float(np.abs(quantile).max()))
+        quantiles.plot([-5, 5], [-5, 5], color=palette.muted, lw=0.8, dashes=(4, 3))
+        quantiles.plot(normal, quantile, "o", color=palette.accent, ms=3)
+        quantiles.set(xlim=(-4.6, 4.6), ylim=(-1.05 * reach, 1.05 * reach))
+        quantiles.set(xlabel="standard normal quantile", ylabel="residual [std]")
+        number = np.arange(1, len(autocorrelation) + 1)
+        lags.axhspan(-bound, bound, color=palette.muted, alpha=0.25, lw=0)
+        lags.axhline(0, color=palette.muted, lw=0.8)
+        lags.vlines(number, 0, autocorrelation, color=palette.accent, lw=1.6)
+        lags.plot(number, autocorrelation, "o", color=palette.accent, ms=4)
+        highest = max(0.1, 1.2 * float(np.abs(autocorrelation).max()))
+        lags.set(ylim=(-highest, highest), xticks=number)
+        lags.set(xlabel="lines apart", ylabel="autocorrelation")
+        return figure
+
+    return draw
+
+
+def _quantiles(standardised: Array) -> tuple[Array, Array]:
+    """Return quantiles of the normal law and of the residuals, evenly along the former."""
+    from scipy.stats import norm
+
+    values = np.sort(standardised[np.isfinite(standardised)])
+    normal = norm.ppf((np.arange(len(values)) + 0.5) / len(values))
+    at = np.unique(np.searchsorted(normal, np.linspace(-4.5, 4.5, _QUANTILES)))
+    at = at[at < len(values)]
+    return normal[at], values[at]

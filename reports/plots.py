@@ -1,0 +1,234 @@
+"""Figures for notebooks and papers: each function returns a matplotlib figure.
+
+They are the drawings of the pages, in the pages' light colours.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from estimators import Fit, FrfEstimate, Posterior, RunFit, Uncertainty
+from estimators.uncertainty.standardised_residuals import standardised_residuals
+from estimators.validation.predict_tool import ToolPrediction
+from oed import Design, ExactDesign, ExperimentCurve, TimeCurve
+from reports.figures import (
+    bode,
+    design_map as maps,
+    mode_figures,
+    plan_figures,
+    posterior_figures,
+    residual_figures,
+    study_figures,
+    uncertainty_figures,
+)
+from reports.figures.response_data import between
+from reports.figures.svg import in_light
+from robotmodels import ElasticRobot, InvalidInput, frequency_response
+from robotmodels.common.arrays import Array
+
+_SHOWN = 6  # parameters of a corner plot
+
+
+def frf(
+    estimate: FrfEstimate,
+    model: ElasticRobot | Fit | None = None,
+    position: int = 0,
+    *,
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> Figure:
+    """Return Bode plots of all elements in one position, with one standard deviation.
+
+    Parameters
+    ----------
+    estimate : FrfEstimate
+        Measured or simulated FRFs.
+    model : ElasticRobot or Fit, optional
+        Drawn between the lines too.
+    position : int
+        Which of the estimate's positions.
+    inputs, outputs : sequence of str, optional
+        Names of columns and rows; the model's, or numbers.
+
+    Raises
+    ------
+    InvalidInput
+        If there is no such position.
+    """
+    if not 0 <= position < len(estimate.positions):
+        raise InvalidInput(
+            f"position: {position}; 0 to {len(estimate.positions) - 1} are in the estimate"
+        )
+    robot = model.model if isinstance(model, Fit) else model
+    values = model.parameters.values if isinstance(model, Fit) else None
+    m, n = estimate.response.shape[2:]
+    curve = None
+    if robot is not None:
+        omega = between(estimate.omega)
+        at = estimate.positions[[position]]
+        curve = omega, frequency_response(robot, at, omega, values)[0]
+    drawing = bode.bode(
+        estimate.omega,
+        estimate.response[position],
+        np.sqrt(estimate.variance[position]),
+        inputs or getattr(robot, "motor_names", [f"motor {j + 1}" for j in range(n)]),
+        outputs or getattr(robot, "output_names", [f"output {i + 1}" for i in range(m)]),
+        curve,
+    )
+    return in_light(drawing)
+
+
+def design_map(
+    positions: Array,
+    design: Design,
+    joints: tuple[int, int] = (0, 1),
+    *,
+    plan: ExactDesign | None = None,
+    names: Sequence[str] | None = None,
+) -> Figure:
+    """Return what candidates would add over two joints, the largest in each cell.
+
+    Parameters
+    ----------
+    positions : ndarray, (Q, n), rad
+        The candidates; angles are shown in degrees.
+    design : Design
+        Relaxed design on them; its support is marked unless there is a plan.
+    joints : tuple of int
+        The two joints, counted from zero.
+    plan : ExactDesign, optional
+        Marked instead of the support.
+    names : sequence of str, optional
+        Names of the joints.
+
+    Raises
+    ------
+    InvalidInput
+        If positions and weights do not fit, or there is no such joint.
+    """
+    shape = np.shape(positions)
+    if len(shape) != 2 or shape[0] != len(design.weights):
+        raise InvalidInput(
+            f"positions: shape {shape}; one row for each of the design's {len(design.weights)} "
+            "candidates is needed"
+        )
+    if not all(0 <= j < shape[1] for j in joints):
+        raise InvalidInput(f"joints: {joints}; 0 to {shape[1] - 1} are in the positions")
+    labels = [f"{names[j] if names else f'joint {j + 1}'} [°]" for j in joints]
+    weights = design.weights if plan is None else plan.repetitions
+    shown = np.degrees(np.asarray(positions)[:, list(joints)])
+    return in_light(maps.design_map(shown, design.sensitivity, weights, labels))
+
+
+def sensitivity_function(design: Design) -> Figure:
+    """Return the sensitivities of all candidates in falling order, the support marked."""
+    sensitivity = design.sensitivity * design.weights.sum()
+    return in_light(study_figures.sensitivity_function(sensitivity, design.support))
+
+
+def trade_off(curve: ExperimentCurve | TimeCurve, names: Sequence[str] | None = None) -> Figure:
+    """Return standard deviations over experiments or minutes, with certified efficiencies.
+
+    Parameters
+    ----------
+    curve : ExperimentCurve or TimeCurve
+        Plans of growing numbers of experiments, or of growing times.
+    names : sequence of str, optional
+        Parameters of a `TimeCurve`, whose other sort has its own.
+    """
+    if isinstance(curve, ExperimentCurve):
+        return in_light(
+            plan_figures.trade_off(curve.counts, curve.std, curve.names, bound=curve.efficiency)
+        )
+    bound = np.array([plan.efficiency for plan in curve.plans])
+    labels = [f"parameter {i + 1}" for i in range(curve.std.shape[1])] if names is None else names
+    minutes = curve.times / 60
+    return in_light(
+        plan_figures.trade_off(minutes, curve.std, labels, bound=bound, label="robot time [min]")
+    )
+
+
+def residuals(fit: Fit | RunFit) -> Figure:
+    """Return mean squared standardised residuals by position and line."""
+    return in_light(residual_figures.residual_map(standardised_residuals(fit), fit.problem.omega))
+
+
+def residual_laws(fit: Fit | RunFit, lags: int = 5) -> Figure:
+    """Return quantiles of the residuals against the normal law, and their autocorrelation."""
+    from estimators import residual_analysis
+
+    autocorrelation = residual_analysis(fit, lags).autocorrelation
+    return in_light(residual_figures.residual_laws(standardised_residuals(fit), autocorrelation))
+
+
+def corner(
+    posterior: Posterior,
+    uncertainty: Uncertainty,
+    estimate: Array,
+    truth: Array | None = None,
+    parameters: Sequence[str] | None = None,
+) -> Figure:
+    """Return the posterior of some parameters with the ellipses of a covariance.
+
+    Parameters
+    ----------
+    posterior : Posterior
+        Draws.
+    uncertainty : Uncertainty
+        Covariance, such as Theorem 1's.
+    estimate : ndarray, (p,)
+        Estimated parameters [SI], from which deviations are drawn in per cent.
+    truth : ndarray, (p,), optional
+        True parameters, which the axes always reach.
+    parameters : sequence of str, optional
+        Parameters to show; the six least certain by default.
+    """
+    names, i = _parameters(uncertainty, parameters)
+    deviations = 100 * (posterior.draws - np.log(estimate))[:, i]
+    true = np.full(len(estimate), np.nan) if truth is None else np.log(truth / estimate)
+    covariance = 1e4 * uncertainty.covariance[np.ix_(i, i)]
+    return in_light(uncertainty_figures.corner_plot(names, deviations, covariance, 100 * true[i]))
+
+
+def traces(
+    posterior: Posterior,
+    uncertainty: Uncertainty,
+    estimate: Array,
+    parameters: Sequence[str] | None = None,
+) -> Figure:
+    """Return traces and ranks of the chains; arguments as of `corner`."""
+    names, i = _parameters(uncertainty, parameters)
+    deviations = 100 * (posterior.chains - np.log(estimate))[..., i]
+    return in_light(posterior_figures.traces(names, deviations))
+
+
+def correlation(uncertainty: Uncertainty) -> Figure:
+    """Return the correlations of all parameters."""
+    drawing = uncertainty_figures.correlation_map(uncertainty.names, uncertainty.correlation)
+    return in_light(drawing)
+
+
+def modes(prediction: ToolPrediction) -> Figure:
+    """Return resonances and damping ratios over positions, with one standard deviation."""
+    return in_light(mode_figures.modes(prediction))
+
+
+def _parameters(
+    uncertainty: Uncertainty, parameters: Sequence[str] | None
+) -> tuple[list[str], list[int]]:
+    """Return names and indices of the parameters to show.
+
+    Raises
+    ------
+    InvalidInput
+        If one is unknown.
+    """
+    names = uncertainty.names
+    if parameters is None:
+        widest = np.sort(np.argsort(-uncertainty.std)[:_SHOWN])
+        return [names[i] for i in widest], widest.tolist()
+    for name in parameters:
+        if name not in names:
+            raise InvalidInput(f"parameters: {name} is not one of {', '.join(names)}")
+    return [*parameters], [names.index(name) for name in parameters]

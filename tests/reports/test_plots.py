@@ -1,0 +1,142 @@
+"""Figures for notebooks: what they show is what they were given."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+
+import estimators
+import oed
+import robotmodels
+from estimators.uncertainty.standardised_residuals import standardised_residuals
+from reports import plots
+from reports.figures.design_map import design_map
+from reports.figures.residual_figures import residual_laws, residual_map
+from reports.figures.svg import LIGHT
+
+OMEGA = 2 * np.pi * np.geomspace(3, 60, 12)
+
+
+@pytest.fixture(scope="module")
+def fit():
+    robot = robotmodels.load_robot(Path(__file__).parents[1] / "engines" / "two_joints.yaml")
+    rng = np.random.default_rng(5)
+    low, high = robot.position_limits.T
+    positions = low + (high - low) * rng.uniform(0.2, 0.8, (4, 2))
+    noise = robotmodels.RelativeNoise(0.03, 0.01)
+    estimate = estimators.simulate_frf(robot, positions, OMEGA, noise, rng)
+    return estimators.fit(robot, estimate, weights="optimal")
+
+
+def test_standardised_residuals_are_standard_normal(fit):
+    values = standardised_residuals(fit)
+    assert values.shape == (2, 4, 12, 4)
+    count = np.isfinite(values).sum()
+    assert count >= 2 * 4 * 12 * 2
+    assert np.nanmean(values**2) == pytest.approx(1, abs=4 * np.sqrt(2 / count))
+    halved = 2 * values  # noise that is stated half as large
+    assert np.nanmean(halved**2) != pytest.approx(1, abs=4 * np.sqrt(2 / count))
+
+
+def test_frfs_are_drawn_with_the_model_between_the_lines(fit):
+    figure = plots.frf(fit.estimate, fit, position=1)
+    level = figure.axes[0]
+    measured, model = (line.get_xydata() for line in level.lines)
+    size = np.abs(fit.estimate.response[1, :, 0, 0])
+    np.testing.assert_allclose(measured, np.column_stack([OMEGA / (2 * np.pi), size]))
+    assert len(model) == 3 * 12 - 2
+    away = np.abs(np.log(model[::3, 1] / size))
+    assert np.median(away) < 0.05  # a fit within the noise
+    assert level.get_title() == "from m2"
+    with pytest.raises(robotmodels.InvalidInput, match="position: 4; 0 to 3"):
+        plots.frf(fit.estimate, position=4)
+
+
+def test_a_map_shows_where_residuals_are_large():
+    values = np.ones((2, 3, 12, 4))
+    values[:, 1, 5] = 2.0
+    values[:, 2, 3] = np.nan  # not used
+    axes = residual_map(values, OMEGA)(LIGHT).axes[0]
+    (patch,) = axes.patches
+    assert to_hex(patch.get_facecolor()) == LIGHT.second
+    x, y = patch.get_path().vertices.T
+    assert x.min() < OMEGA[5] / (2 * np.pi) < x.max()
+    assert (y.min(), y.max()) == (1.5, 2.5)
+
+
+def test_quantiles_of_noise_lie_on_the_line_and_others_do_not():
+    rng = np.random.default_rng(2)
+    for values, close in (
+        (rng.standard_normal((2, 5, 40, 4)), True),
+        (rng.standard_t(2, (2, 5, 40, 4)), False),
+    ):
+        axes = residual_laws(values, np.zeros(5))(LIGHT).axes[0]
+        normal, quantile = axes.lines[1].get_xydata().T
+        assert (np.abs(quantile - normal)[np.abs(normal) < 2.5].max() < 0.25) == close
+
+
+def test_a_design_map_has_the_largest_of_each_cell():
+    positions = np.array([[0.0, 0], [0, 1], [1, 0], [1, 1], [1, 1]])
+    sensitivity = np.array([0.1, 0.4, 0.4, 0.2, 1.0])
+    axes = design_map(positions, sensitivity, np.array([0, 0, 0, 0, 3]), ("a", "b"))(LIGHT).axes[0]
+    darkest = max(axes.patches, key=lambda patch: patch.get_alpha())
+    assert darkest.get_path().vertices.mean(axis=0) == pytest.approx([1, 1], abs=0.1)
+    (dots,) = axes.collections
+    np.testing.assert_array_equal(dots.get_offsets(), [[1, 1]])
+
+
+def test_mistakes_in_maps_are_told():
+    design = SimpleNamespace(weights=np.ones(3), sensitivity=np.ones(3))
+    with pytest.raises(robotmodels.InvalidInput, match="one row for each of the design's 3"):
+        plots.design_map(np.zeros((2, 2)), design)
+    with pytest.raises(robotmodels.InvalidInput, match=r"joints: \(0, 2\); 0 to 1"):
+        plots.design_map(np.zeros((3, 2)), design, (0, 2))
+
+
+def test_trade_offs_have_certificates_and_gaps():
+    counts = np.array([1, 2, 4])
+    std = np.array([[np.inf, 0.2], [0.2, 0.1], [0.1, 0.05]])
+    names, plans = ("a", "b"), ()
+    curve = oed.ExperimentCurve(counts, std, np.array([0.5, 0.9, 0.99]), plans, names)
+    accuracy, efficiency = plots.trade_off(curve).axes
+    largest = accuracy.lines[2].get_ydata()
+    np.testing.assert_allclose(largest, [np.nan, 20, 10])
+    assert accuracy.lines[2].get_label() == "largest, at last a"
+    np.testing.assert_allclose(efficiency.lines[0].get_ydata(), [50, 90, 99])
+
+
+def test_unknown_parameters_are_told():
+    uncertainty = SimpleNamespace(names=("a", "b"), std=np.array([1.0, 2.0]))
+    with pytest.raises(robotmodels.InvalidInput, match="parameters: c is not one of a, b"):
+        plots.traces(None, uncertainty, np.ones(2), ["c"])
+
+
+def test_traces_and_corner_reach_the_truth():
+    rng = np.random.default_rng(1)
+    chains = 0.01 * rng.standard_normal((2, 20, 8, 2))
+    posterior = SimpleNamespace(chains=chains, draws=chains.reshape(-1, 2))
+    covariance = 1e-4 * np.eye(2)
+    uncertainty = SimpleNamespace(
+        names=("a", "b"), std=np.array([0.01, 0.01]), covariance=covariance
+    )
+    truth = np.array([1.4, 1.0])
+    corner = plots.corner(posterior, uncertainty, np.ones(2), truth)
+    assert corner.axes[0].get_xlim()[1] > 100 * np.log(1.4)
+    figure = plots.traces(posterior, uncertainty, np.ones(2))
+    assert [axes.get_title(loc="left") for axes in figure.axes[::2]] == ["a", "b"]
+    mean = figure.axes[0].lines[0].get_ydata()
+    np.testing.assert_allclose(mean, 100 * chains[0].mean(axis=1)[:, 0])
+
+
+def test_modes_have_intervals():
+    def band(values, std):
+        return SimpleNamespace(values=np.array(values, complex), std=np.array(std))
+
+    resonances = band([[2 * np.pi * 5, 2 * np.pi * 8]] * 3, [[0.1, 0.2]] * 3)
+    damping = band([[0.02, 0.03]] * 3, [[0.1, 0.1]] * 3)
+    prediction = SimpleNamespace(resonances=resonances, damping=damping, points=np.zeros((3, 3)))
+    frequency = plots.modes(prediction).axes[0]
+    bars = frequency.containers[1][2][0].get_segments()
+    np.testing.assert_allclose([bar[:, 1] for bar in bars], [[6.4, 9.6]] * 3)
