@@ -112,9 +112,9 @@ def typical_size(fit: LinearisedFit) -> float:
     nu = np.minimum(fit.degrees_of_freedom, 1e9)
     medians = nu * np.expm1(np.log(2) / nu)
     if fit.real:
-        from scipy.stats import f as f_law
+        from scipy.special import fdtri
 
-        medians = f_law.isf(0.5, 1, nu) / 2
+        medians = fdtri(1, nu, 0.5) / 2
     used = fit.used
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.abs(fit.errors) ** 2 / (fit.element_variances * medians[:, None, None])
@@ -132,9 +132,9 @@ def line_probabilities(fit: LinearisedFit, factor: Array | float = 1.0) -> Array
     ratio = np.abs(fit.errors) ** 2 / (s2 * factor)
     if fit.real:
         ratio = 2 * ratio
-        from scipy.stats import f as f_law
+        from scipy.special import fdtrc
 
-        return np.where(fit.used, f_law.sf(ratio, 1, np.minimum(nu, 1e9)), 1.0)
+        return np.where(fit.used, fdtrc(1, np.minimum(nu, 1e9), ratio), 1.0)
     with np.errstate(invalid="ignore", over="ignore"):
         estimated = (1 + ratio / nu) ** -nu
     return np.where(fit.used, np.where(np.isfinite(nu), estimated, np.exp(-ratio)), 1.0)

@@ -309,7 +309,7 @@ def _outlier(fit: LinearisedFit, size: ResidualSize) -> tuple[int, ...] | None:
 
 def _group_stands_out(fit: LinearisedFit, correlation: LineCorrelation, size: ResidualSize) -> bool:
     """Tell whether a line or an element of a position exceeds the common factor (F laws)."""
-    from scipy.stats import f as f_law
+    from scipy.special import fdtrc
 
     square = fit.noise_weights * np.abs(fit.errors) ** 2
     stated = fit.noise_weights * fit.element_variances
@@ -320,7 +320,7 @@ def _group_stands_out(fit: LinearisedFit, correlation: LineCorrelation, size: Re
         count = fit.parts * fit.used.sum(axis=axis) / fewer
         seen = count > 0
         ratio = np.where(seen, square.sum(axis=axis), 0.0) / np.where(seen, each.sum(axis=axis), 1)
-        probability = f_law.sf(ratio, np.maximum(count, 1e-9), np.maximum(count, 1) * nu)
+        probability = fdtrc(np.maximum(count, 1e-9), np.maximum(count, 1) * nu, ratio)
         if (probability[seen] < LEVEL / 2 / max(int(seen.sum()), 1)).any():
             return True
     return False

@@ -87,9 +87,9 @@ class Uncertainty(ReprHtml):
 
     def quantile(self, level: float) -> Array:
         """Return the standard deviations to either end of a two-sided interval, (p,), t law."""
-        from scipy.stats import t
+        from scipy.special import stdtrit
 
-        return np.asarray(t.ppf((1 + level) / 2, self.degrees_of_freedom))
+        return np.asarray(stdtrit(self.degrees_of_freedom, (1 + level) / 2))
 
     def __str__(self) -> str:
         width = max(len(name) for name in self.names)

@@ -141,7 +141,7 @@ def _outlying(ratio: Array, fit: LinearisedFit, visits: Sequence[IntArray]) -> I
     Too large is what noise alone exceeds in one position of a hundred analyses (F law), and also
     four standard deviations of the spread between positions, which model errors widen.
     """
-    from scipy.stats import f as f_law
+    from scipy.special import fdtri
 
     data = fit.parts * _sums(fit.used, visits)
     seen = data > 0
@@ -149,6 +149,6 @@ def _outlying(ratio: Array, fit: LinearisedFit, visits: Sequence[IntArray]) -> I
     spread = 1.4826 * float(np.nanmedian(np.abs(ratio - middle)))
     freedom = fit.degrees_of_freedom[:, None, None]
     noise = np.minimum(fit.parts * _sums(np.where(fit.used, freedom, 0.0), visits), 1e9)
-    chance = f_law.isf(FALSE_ALARM / len(ratio), np.where(seen, data, 1), np.maximum(noise, 1))
+    chance = fdtri(np.where(seen, data, 1), np.maximum(noise, 1), 1 - FALSE_ALARM / len(ratio))
     limit = np.maximum(middle * chance, middle + 4 * spread)
     return np.flatnonzero(seen & (ratio > limit))

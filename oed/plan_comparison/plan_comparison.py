@@ -180,10 +180,10 @@ DRAWS = 400
 
 def std_interval(std: Array, samples: int, level: float) -> Array:
     """Return intervals (p, 2) of standard deviations from those (p,) of so many samples."""
-    from scipy.stats import chi2
+    from scipy.special import chdtri
 
-    tails = np.array([(1 + level) / 2, (1 - level) / 2])
-    factors = np.sqrt((samples - 1) / chi2.ppf(tails, samples - 1))
+    above = np.array([(1 - level) / 2, (1 + level) / 2])
+    factors = np.sqrt((samples - 1) / chdtri(samples - 1, above))
     return np.asarray(std[:, None] * factors)
 
 
@@ -192,11 +192,11 @@ def clearly_smaller(one: MonteCarlo, other: MonteCarlo, level: float) -> BoolArr
 
     By the F test of two variances; chance finds one as clear in a share 1 - `level` of cases.
     """
-    from scipy.stats import f
+    from scipy.special import fdtri
 
     samples = len(one.estimates) - 1, len(other.estimates) - 1
     ratio = (one.uncertainty().std / other.uncertainty().std) ** 2
-    return np.asarray(ratio < f.ppf(1 - level, *samples))
+    return np.asarray(ratio < fdtri(*samples, 1 - level))
 
 
 def ratio_interval(

@@ -4,7 +4,7 @@ Each function goes one step further than the one before, and stores what it comp
 the same process or another, goes on from there.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import TypeVar
@@ -16,6 +16,7 @@ from estimators.structure.choose_structure import choose_structure
 from estimators.structure.score_tests import score_tests
 from estimators.uncertainty.covariance import covariance
 from estimators.validation.held_out_positions import validate
+from oed.plan_comparison.plan_comparison import PlanComparison
 from oed.study.parts import Fits, RunRecord, Structure, UncertaintyOfResult
 from oed.study.results import FittedStudy, PlannedStudy, StudyResults
 from oed.study.settings.study_file import Study
@@ -146,32 +147,40 @@ def run_study(
     """
     with open_run(study, progress, executor, fresh) as begun:
         source = _source(begun)
-        run = source.run
-        fits = _Fits.of(source)
-        best, attempt = fits.result, run.stages.attempt
-        plans = attempt("comparison", source.comparison)
-        theorem1 = attempt("uncertainty", lambda: uncertainty(run, best))
-        methods = CrossCheckInputs(
-            theorem1,
-            attempt("posterior", lambda: posterior(run, best)),
-            attempt("cost-posterior", lambda: cost_posterior(run, best)),
-            attempt("profiles", lambda: profiles(run, best, theorem1)),
-            plans,
-        )
-        check = attempt("cross-check", lambda: cross_check(run, best, methods, fits.searches))
-        held_out = attempt("validation", lambda: source.validation(best, theorem1))
-        names = run.robot.parameters.names
-        return StudyResults(
-            study,
-            run.robot,
-            source.plan,
-            _record(run.stages),
-            source.results_data,
-            fits.results,
-            UncertaintyOfResult(names, _value(theorem1), _value(methods.posterior), _value(check)),
-            _value(plans),
-            _value(held_out),
-        )
+        stages, at_once = source.run.stages, executor is not None
+        with stages.beside("comparison", source.comparison, at_once) as compared:
+            return _results(source, compared)
+
+
+def _results(
+    source: SimulatedStudy | MeasuredStudy, compared: Callable[[], Stage[PlanComparison] | None]
+) -> StudyResults:
+    """Run the stages from the fits on."""
+    run = source.run
+    fits = _Fits.of(source)
+    best, attempt = fits.result, run.stages.attempt
+    theorem1 = attempt("uncertainty", lambda: uncertainty(run, best))
+    methods = CrossCheckInputs(
+        theorem1,
+        attempt("posterior", lambda: posterior(run, best)),
+        attempt("cost-posterior", lambda: cost_posterior(run, best)),
+        attempt("profiles", lambda: profiles(run, best, theorem1)),
+        compared(),
+    )
+    check = attempt("cross-check", lambda: cross_check(run, best, methods, fits.searches))
+    held_out = attempt("validation", lambda: source.validation(best, theorem1))
+    names = run.robot.parameters.names
+    return StudyResults(
+        run.study,
+        run.robot,
+        source.plan,
+        _record(run.stages),
+        source.results_data,
+        fits.results,
+        UncertaintyOfResult(names, _value(theorem1), _value(methods.posterior), _value(check)),
+        _value(methods.comparison),
+        _value(held_out),
+    )
 
 
 def _source(run: SimulatedRun | MeasuredRun) -> SimulatedStudy | MeasuredStudy:

@@ -19,6 +19,7 @@ import os
 import platform
 import time
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -124,6 +125,10 @@ class Stage(Generic[Result]):
     loaded: bool
 
 
+class _EndedError(Exception):
+    """Another stage failed, without which this one is of no use."""
+
+
 class Stages:
     """Stages in one folder.
 
@@ -143,6 +148,7 @@ class Stages:
         self.fresh = fresh
         self.finished: dict[str, Stage[Any]] = {}
         self.failures: list[Failure] = []
+        self._ended = False
 
     def run(
         self,
@@ -190,6 +196,36 @@ class Stages:
             self.failures.append(Failure.of(name, error))
             return None
 
+    @contextmanager
+    def beside(
+        self, name: str, run: Callable[[], T], at_once: bool
+    ) -> Iterator[Callable[[], T | None]]:
+        """Give a function that returns what `attempt` would, of a stage that others do not need.
+
+        Parameters
+        ----------
+        at_once : bool
+            Whether the stage is begun in a thread of its own, as other processes do its work, or
+            when the function is called. It ends early where the block ends with an error.
+        """
+        if not at_once:
+            yield lambda: self.attempt(name, run)
+            return
+        with ThreadPoolExecutor(1) as thread:
+            future = thread.submit(run)
+
+            def wait() -> T:
+                result = future.result()
+                if name in self.finished:
+                    self.finished[name] = self.finished.pop(name)  # the same order at any time
+                return result
+
+            try:
+                yield lambda: self.attempt(name, wait)
+            except BaseException:
+                self._ended = True
+                raise
+
     @property
     def seconds(self) -> dict[str, float]:
         """What each stage took when it was computed."""
@@ -199,6 +235,13 @@ class Stages:
     def loaded(self) -> tuple[str, ...]:
         """Stages that did not need computing."""
         return tuple(name for name, stage in self.finished.items() if stage.loaded)
+
+    def _report(self, name: str, done: int, total: int) -> None:
+        """Tell how far a stage is, and end one whose result nobody waits for any more."""
+        if self._ended:
+            raise _EndedError
+        if self.progress is not None:
+            self.progress(name, done, total)
 
     def _load(self, name: str, key: str, files: Files[T]) -> Stage[T] | None:
         """Return what an earlier run finished, if it fits and can be read."""
@@ -225,9 +268,8 @@ class Stages:
     ) -> dict[str, Any]:
         _prepare(part, key, self.fresh)
         begun = time.perf_counter()
-        report = None if self.progress is None else partial(self.progress, name)
-        if report is not None:
-            report(0, 0)
+        report = partial(self._report, name)
+        report(0, 0)
         try:
             try:
                 files.save(compute(part, report), part)

@@ -13,6 +13,7 @@ from reports.commands.options import about, fail, warn
 from reports.commands.stopping import INTERRUPTED, stoppable, stopping_at_steps
 from reports.commands.workers import one_thread_each, shared
 from robotmodels.common.errors import IdentificationError, InvalidInput
+from robotmodels.common.process_pool import collect_rarely
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -37,6 +38,8 @@ Cluster = Annotated[
 
 _OF_VISITS = frozenset({"minutes", "targets", "excitations", "spectra"})
 """Keys of a design of visits. Its settings are not asked, which load the numerics."""
+
+_COMPILING = "compiling for this processor, once after an installation: some 15 s more than later\n"
 
 _Step = TypeVar("_Step", bound="PlannedStudy")
 Pages = Callable[[Any, Path, Any], "tuple[Failure, ...]"]
@@ -68,9 +71,15 @@ def warnings_to(take: Callable[[str], object]) -> Iterator[None]:
 
 @contextmanager
 def working(
-    study: Path, workers: int, cluster: str | None
+    study: Path, workers: int, cluster: str | None, module: str | None = None
 ) -> "Iterator[tuple[StageProgress, Executor | None]]":
-    """Give progress bars and processes to work on a study; an interrupt loses nothing."""
+    """Give progress bars and processes to work on a study; an interrupt loses nothing.
+
+    Parameters
+    ----------
+    module : str, optional
+        As of `process_pool`.
+    """
     from reports.summaries.progress import progress_bars
 
     with (
@@ -78,7 +87,7 @@ def working(
         warnings_to(lambda warning: warn([warning])),
         about(study),
         progress_bars() as bars,
-        shared(workers, cluster) as executor,
+        shared(workers, cluster, module) as executor,
     ):
         yield stopping_at_steps(bars), executor
 
@@ -138,6 +147,16 @@ def read_study(study: Path) -> "Study":
     return load_study(study)
 
 
+def tell_of_compiling() -> None:
+    """Tell who watches that the first run takes longer."""
+    if not sys.stderr.isatty():
+        return
+    from robotmodels.kernel import is_compiled
+
+    if not is_compiled():
+        sys.stderr.write(_COMPILING)
+
+
 def compute_study(
     study: Path,
     step: Callable[..., _Step],
@@ -172,7 +191,12 @@ def compute_study(
     from oed.study.json_output import write_results
     from robotmodels.common.atomic_files import staged_folder
 
-    with working(study, workers, cluster) as (progress, executor):
+    collect_rarely()
+    new = fresh or not (content.output / "stages").exists()
+    if new:
+        tell_of_compiling()
+    module = step.__module__ if new else None
+    with working(study, workers, cluster, module) as (progress, executor):
         results = step(content, progress, executor=executor, fresh=fresh)
         with staged_folder(content.output) as folder:
             write_results(results, folder)

@@ -28,7 +28,9 @@ def one_thread_each() -> None:
         os.environ.setdefault(name, "1")
 
 
-def shared(workers: int, address: str | None = None) -> AbstractContextManager[Executor | None]:
+def shared(
+    workers: int, address: str | None = None, module: str | None = None
+) -> AbstractContextManager[Executor | None]:
     """Give the executor that a command's options ask for: a cluster's, or that of processes here.
 
     Raises
@@ -36,24 +38,36 @@ def shared(workers: int, address: str | None = None) -> AbstractContextManager[E
     InvalidInput
         As `cluster`.
     """
-    return process_pool(workers) if address is None else cluster(address)
+    return process_pool(workers, module) if address is None else cluster(address)
 
 
 @contextmanager
-def process_pool(workers: int) -> Iterator[Executor | None]:
-    """Give an executor of so many processes; None for one, which is this process."""
+def process_pool(workers: int, module: str | None = None) -> Iterator[Executor | None]:
+    """Give an executor of so many processes; None for one, which is this process.
+
+    Parameters
+    ----------
+    module : str, optional
+        What they load at once, if they are sure to be needed.
+    """
     if workers == 1:
         yield None
         return
     pool = ProcessPool(workers, RETRIES)
     try:
         with waking(pool.terminate):
+            for _ in range(workers if module else 0):
+                pool.submit(_load, module)
             yield pool
     except BaseException:
         pool.terminate()  # their results are not needed any more
         raise
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+def _load(module: str) -> None:
+    import_module(module)
 
 
 @contextmanager

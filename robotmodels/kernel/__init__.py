@@ -8,6 +8,7 @@ factorised without pivoting (`ldlt`, `solve`), and positions are shared out over
 import numpy as np
 
 from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.kernel.compiling import is_stored
 from robotmodels.kernel.cost_kernel import (
     CostKernel,
     FitKernel,
@@ -17,6 +18,7 @@ from robotmodels.kernel.cost_kernel import (
 from robotmodels.kernel.elimination_order import layout
 from robotmodels.kernel.elongations import elongations
 from robotmodels.kernel.fisher import informations
+from robotmodels.kernel.gauss_newton import cell_normals
 from robotmodels.kernel.memory import address
 from robotmodels.kernel.run_kernel import RunKernel, run_kernel_suits
 from robotmodels.kernel.separable import informations_of_factors, padded_lines
@@ -38,12 +40,18 @@ __all__ = [
     "excitation_informations",
     "frequency_response",
     "information",
+    "is_compiled",
     "rank_one_sensitivity",
     "run_kernel_suits",
 ]
 
 _SHARES = 4
 """Pieces of the positions for each thread: one may be delayed, if only by the next network."""
+
+
+def is_compiled() -> bool:
+    """Tell whether what designs and fits take most from is compiled, which happens once."""
+    return all(map(is_stored, (informations, cell_normals)))
 
 
 def frequency_response(network: SpringNetwork, omega: Array) -> ComplexArray:

@@ -126,3 +126,8 @@ def entry(function: Any) -> Any:
     dispatcher: Any = njit(error_model="numpy", nogil=True)(function)
     dispatcher._cache = _SharedCache(function)
     return dispatcher
+
+
+def is_stored(function: Any) -> bool:
+    """Tell whether machine code of an `entry` function is on disk, for arguments of any types."""
+    return any(key[-1] == _SOURCES for key in function._cache._cache_file._load_index())

@@ -15,6 +15,7 @@ from conftest import drawn, oed, write_study
 from oed.study import last_run, sources
 from oed.study.last_run import LastRun
 from reports.commands.run import last_run as last_run_of
+from reports.commands.studies import tell_of_compiling
 
 NUMERICS = ("scipy", "pinocchio", "numba", "matplotlib", "emcee", "oed.study.pipeline")
 
@@ -123,3 +124,12 @@ def test_warnings_are_said_again(finished, monkeypatch):
     with drawn():
         told = [oed("run", path, "--workers", 1)[2] for _ in range(2)]
     assert told == 2 * ["warning: few data\n"]
+
+
+def test_who_watches_is_told_of_compiling(monkeypatch, capsys):
+    for compiled, terminal in ((False, True), (True, True), (False, False)):
+        monkeypatch.setattr("robotmodels.kernel.is_compiled", lambda compiled=compiled: compiled)
+        monkeypatch.setattr(sys.stderr, "isatty", lambda terminal=terminal: terminal)
+        tell_of_compiling()
+        err = capsys.readouterr().err
+        assert ("compiling for this processor" in err) == (terminal and not compiled)

@@ -1,7 +1,9 @@
 """Stages are computed once, recomputed where something changed, and survive kills."""
 
+import itertools
 import json
 import os
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -342,3 +344,59 @@ def test_progress_names_the_stage(tmp_path):
         stages.run("a", {}, compute, ARRAY)
         stages.run("a", {}, compute, ARRAY)
     assert said == [("a", 0, 0), ("a", 1, 2), ("a", 1, 1), ("a", 1, 1)]
+
+
+def test_a_stage_beside_others_comes_in_the_order_of_its_result(tmp_path):
+    for at_once in (True, False):
+        chain = Chain(tmp_path / f"stages {at_once}")
+        begun = threading.Event()
+
+        def compute(folder, report, begun=begun):
+            begun.set()
+            return np.array([4.0])
+
+        with open_stages(chain.folder) as stages:
+            with stages.beside(
+                "beside", lambda: stages.run("beside", {}, compute, ARRAY), at_once
+            ) as result:
+                if at_once:
+                    assert begun.wait(60)
+                stages.run("a", {}, chain.computing("a", 1.0), ARRAY)
+                assert begun.is_set() == at_once
+                assert result().value == 4.0
+            assert list(stages.seconds) == ["a", "beside"]
+
+
+def test_a_stage_beside_others_fails_alone(tmp_path):
+    def fails():
+        raise InvalidInput("no such plan")
+
+    with (
+        open_stages(tmp_path / "stages") as stages,
+        stages.beside("beside", fails, True) as result,
+    ):
+        assert result() is None
+        assert [(one.name, one.reason) for one in stages.failures] == [("beside", "no such plan")]
+
+
+def test_a_stage_beside_others_ends_with_their_error(tmp_path):
+    begun, ended = threading.Event(), threading.Event()
+
+    def endless(folder, report):
+        try:
+            for step in itertools.count():
+                begun.set()
+                report(step, 0)
+        finally:
+            ended.set()
+
+    def failing(stages):
+        with stages.beside("beside", lambda: stages.run("beside", {}, endless, ARRAY), True):
+            assert begun.wait(60)
+            raise InvalidInput("no data")
+
+    with open_stages(tmp_path / "stages") as stages:
+        with pytest.raises(InvalidInput, match="no data"):
+            failing(stages)
+        assert ended.is_set()
+        assert not (tmp_path / "stages" / "beside").exists()

@@ -17,6 +17,7 @@ from spring_networks import NETWORKS, error, robot
 
 from robotmodels import kernel
 from robotmodels.common.errors import InvalidInput
+from robotmodels.kernel import compiling
 from robotmodels.kernel.elimination_order import layout
 from robotmodels.linear.noise import InputOutputNoise, RelativeNoise
 
@@ -168,6 +169,17 @@ def test_forked_processes_can_use_the_kernel():
     network = robot(np.random.default_rng(4), n_positions=90)
     with ProcessPoolExecutor(1) as pool:
         np.testing.assert_array_equal(pool.submit(_job, network).result(600), _job(network))
+
+
+def test_it_tells_whether_code_is_compiled(monkeypatch):
+    network = robot(np.random.default_rng(4), n_positions=2)
+    kernel.information(network, OMEGA, NOISE)
+    kernel.CostKernel(
+        network, OMEGA, network.frequency_response(OMEGA), np.ones((2, len(OMEGA), 6, 6))
+    ).normal_equations(network.parameters.values)
+    assert kernel.is_compiled()
+    monkeypatch.setattr(compiling, "_SOURCES", "of an edited kernel")
+    assert not kernel.is_compiled()
 
 
 @pytest.mark.slow  # test_simd.py does so for its operations
