@@ -188,6 +188,11 @@ def information(
         needed = 8.0 * len(positions) * len(names) ** 2
         check_memory(needed, "positions: the information (a `store` keeps it in a file)")
     work = ChunkInformation(robot, check_omega(omega), noise, equilibrium_shift)
+    if store is not None and executor is not None:
+        from oed.information_sets.store_by_workers import store_by_workers
+
+        size = _size(len(positions), chunk)
+        return store_by_workers(store, positions, names, work, size, executor, progress)
     parts = in_chunks(work, positions, chunk, executor)
     if store is None:
         return InformationSet._of_sums(positions, counted(parts, len(positions), progress), names)
@@ -222,10 +227,7 @@ def in_chunks(
     InvalidInput
         If `chunk` is not positive.
     """
-    if chunk < 1:
-        raise InvalidInput(f"chunk: {chunk} positions per call; at least 1 is needed")
-    # Several of them, where there are enough positions, for there to be something that overlaps.
-    size = min(chunk, max(-(-len(positions) // 4), _WORTHWHILE))
+    size = _size(len(positions), chunk)
     chunks = [positions[start : start + size] for start in range(0, len(positions), size)]
     if executor is not None:
         return executor.map(work, chunks)
@@ -233,6 +235,16 @@ def in_chunks(
         return map(work, chunks)
     # What Pinocchio does for a chunk overlaps with the kernel's last.
     return pipelined_map(work.prepare, work.finish, chunks)
+
+
+def _size(count: int, most: int) -> int:
+    """Return how many of `count` positions are in a chunk.
+
+    Several chunks, where there are enough positions, for there to be something that overlaps.
+    """
+    if most < 1:
+        raise InvalidInput(f"chunk: {most} positions per call; at least 1 is needed")
+    return min(most, max(-(-count // 4), _WORTHWHILE))
 
 
 def counted(parts: Iterable[Array], total: int, progress: Progress | None) -> Iterator[Array]:

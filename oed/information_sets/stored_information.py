@@ -10,8 +10,10 @@ import json
 import mmap
 import os
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Annotated, BinaryIO, Literal
 
@@ -31,6 +33,8 @@ from robotmodels.data_files.json_text import parse_json
 
 _FORMAT, _HEADER = "oed-information/1", 65536
 _CHUNK_BYTES = 8 * 2**20
+_READ = 100_000
+"""Candidates that a worker reads in a task."""
 
 
 class StoreHeader(FileSection):
@@ -55,6 +59,8 @@ class StoredInformation:
         p parameter names.
     shape : tuple of (int, int)
         Q candidates, n coordinates of each position.
+    executor : Executor or None
+        Workers that read the file for `directional_derivatives`; None reads it here.
 
     Raises
     ------
@@ -65,6 +71,7 @@ class StoredInformation:
     path: Path
     names: tuple[str, ...]
     shape: tuple[int, int]
+    executor: Executor | None = field(default=None, repr=False)
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> "StoredInformation":
@@ -86,10 +93,13 @@ class StoredInformation:
             raise InvalidInput(
                 f"{source}: {size_on_disk} bytes, {needed} are needed; it is cut off"
             )
-        return cls(source, names, shape)
+        return cls(source.absolute(), names, shape)
 
     def __len__(self) -> int:
         return self.shape[0]
+
+    def __getstate__(self) -> dict[str, object]:
+        return self.__dict__ | {"executor": None}  # workers give no work to others
 
     @property
     def samples(self) -> int:
@@ -129,10 +139,23 @@ class StoredInformation:
         """Return tr(W H_i), (Q,), for W, (p, p)."""
         rows, columns = np.triu_indices(len(self.names))
         packed = (weight + weight.T)[rows, columns] / np.where(rows == columns, 2.0, 1.0)
-        derivatives = np.empty(len(self))
-        for start, part in self._parts():
-            np.matmul(part, packed, out=derivatives[start : start + len(part)])
-        return derivatives
+        if self.executor is None:
+            return self._times(packed, 0, len(self))
+        starts = range(0, len(self), _READ)
+        ends = (min(start + _READ, len(self)) for start in starts)
+        read = self.executor.map(partial(_times, self, packed), starts, ends)
+        parts = [
+            self._times(packed, start, min(start + _READ, len(self))) if part is None else part
+            for start, part in zip(starts, read, strict=True)
+        ]
+        return np.concatenate(parts)
+
+    def _times(self, packed: Array, start: int, end: int) -> Array:
+        """Return products of a vector and some candidates' packed matrices."""
+        products = np.empty(end - start)
+        for at, part in self._parts(start, end):
+            np.matmul(part, packed, out=products[at - start : at - start + len(part)])
+        return products
 
     def combined(self, weights: Array) -> Array:
         """Return sum_i w_i H_i, (p, p), for weights (Q,)."""
@@ -154,20 +177,21 @@ class StoredInformation:
     def _offset(self) -> int:
         return _HEADER + 8 * (self._size + self.shape[0] * self.shape[1])
 
-    def _parts(self) -> Iterator[tuple[int, Array]]:
-        """Yield packed chunks that are valid until the next one only."""
+    def _parts(self, start: int = 0, end: int | None = None) -> Iterator[tuple[int, Array]]:
+        """Yield packed chunks of candidates that are valid until the next one only."""
         page = mmap.ALLOCATIONGRANULARITY
         count = max(1, _CHUNK_BYTES // (8 * self._size))
         with self.path.open("rb") as file:
-            for start in range(0, len(self), count):
-                rows = min(count, len(self) - start)
-                first = self._offset + 8 * start * self._size
+            last = len(self) if end is None else end
+            for at in range(start, last, count):
+                rows = min(count, last - at)
+                first = self._offset + 8 * at * self._size
                 aligned = first // page * page
                 length = first - aligned + 8 * rows * self._size
                 # The map ends, and its pages are released, when nothing refers to it any more.
                 mapped = mmap.mmap(file.fileno(), length, offset=aligned, access=mmap.ACCESS_READ)
                 part = np.frombuffer(mapped, np.float64, rows * self._size, first - aligned)
-                yield start, part.reshape(rows, self._size)
+                yield at, part.reshape(rows, self._size)
 
     def _unpacked(self, packed: Array | float) -> Array:
         values, p = np.asarray(packed), len(self.names)
@@ -176,6 +200,11 @@ class StoredInformation:
         full[..., rows, columns] = values
         full[..., columns, rows] = values
         return full
+
+
+def _times(store: StoredInformation, packed: Array, start: int, end: int) -> Array | None:
+    """Return `StoredInformation._times` in a worker; None where it does not see the file."""
+    return store._times(packed, start, end) if store.path.exists() else None
 
 
 def write_store(
@@ -196,6 +225,30 @@ def write_store(
         Naming the candidate, if a matrix is not finite, symmetric or semidefinite; if there are not
         as many as positions; if the file cannot be written.
     """
+    total, written = np.zeros(_packed_size(len(names))), 0
+    with begun_store(path, positions, names) as file:
+        for matrices in chunks:
+            packed = packed_matrices(matrices, written, of_sums)
+            file.write(packed.tobytes())
+            total += packed.sum(axis=0)
+            written += len(matrices)
+        if written != len(positions):
+            raise InvalidInput(f"{path}: {written} matrices for {len(positions)} positions")
+        write_total(file, total)
+    return StoredInformation.open(path)
+
+
+@contextmanager
+def begun_store(
+    path: str | os.PathLike[str], positions: Array, names: Sequence[str]
+) -> Iterator[BinaryIO]:
+    """Yield a file with all but the matrices, and zero for their sum; it ends where they begin.
+
+    Raises
+    ------
+    InvalidInput
+        As `write_store`, of positions, names and file.
+    """
     positions = np.ascontiguousarray(positions, dtype=np.float64)
     check_positions(positions)
     candidates, axes = positions.shape
@@ -203,23 +256,28 @@ def write_store(
     line = json.dumps(header).encode()
     if len(line) > _HEADER:
         raise InvalidInput(f"{path}: the names take {len(line)} bytes; at most {_HEADER} fit")
-    rows, columns = np.triu_indices(len(names))
-    total, written = np.zeros(_packed_size(len(names))), 0
     with atomic_write(path) as part, _opened(part, path) as file:
         file.write(line.ljust(_HEADER))
-        file.write(total.tobytes())  # once more at the end, when it is complete
-        file.write(positions.tobytes())
-        for matrices in chunks:
-            check_matrices(matrices, written, of_sums)
-            packed = 0.5 * (matrices[:, rows, columns] + matrices[:, columns, rows])
-            file.write(np.ascontiguousarray(packed).tobytes())
-            total += packed.sum(axis=0)
-            written += len(matrices)
-        if written != candidates:
-            raise InvalidInput(f"{path}: {written} matrices for {candidates} positions")
-        file.seek(_HEADER)
-        file.write(total.tobytes())
-    return StoredInformation.open(path)
+        write_total(file, np.zeros(_packed_size(len(names))))
+        file.write(positions.data)
+        yield file
+
+
+def write_total(file: BinaryIO, total: Array) -> None:
+    """Write the sum of all matrices, packed, to a store."""
+    file.seek(_HEADER)
+    file.write(total.tobytes())
+
+
+def packed_matrices(matrices: Array, first: int, of_sums: bool) -> Array:
+    """Return upper triangles (n, p (p + 1) / 2) of matrices (n, p, p), checked as in `write_store`.
+
+    The first one is that of candidate `first`.
+    """
+    check_matrices(matrices, first, of_sums)
+    rows, columns = np.triu_indices(matrices.shape[-1])
+    packed = 0.5 * (matrices[:, rows, columns] + matrices[:, columns, rows])
+    return np.ascontiguousarray(packed)
 
 
 def _opened(part: Path, path: str | os.PathLike[str]) -> BinaryIO:

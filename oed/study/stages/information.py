@@ -4,7 +4,9 @@ A robust design has a stage ``information-K`` more for each sample K of the para
 """
 
 from collections.abc import Iterator
+from concurrent.futures import Executor
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -36,11 +38,6 @@ _STRUCTURE = "information-structure"
 _IN_MEMORY: Files[InformationSet] = Files(
     save=lambda info, folder: info.save(folder / "information.h5"),
     load=lambda folder: InformationSet.load(folder / "information.h5"),
-)
-# The computation writes that file itself.
-_IN_CHUNKS: Files[StoredInformation] = Files(
-    save=lambda info, folder: None,
-    load=lambda folder: StoredInformation.open(folder / _STORE),
 )
 
 
@@ -112,8 +109,16 @@ def _information(
         **({"springs": _springs(run)} if name == _STRUCTURE else {}),
     }
     if len(screened.value) * len(robot.parameters) ** 2 * 8 > LARGEST_IN_MEMORY:
-        return run.stages.run(name, inputs, write, _IN_CHUNKS)
+        return run.stages.run(name, inputs, write, _in_chunks(run.executor))
     return run.stages.run(name, inputs, compute, _IN_MEMORY)
+
+
+def _in_chunks(executor: Executor | None) -> Files[StoredInformation]:
+    """Return how a store is loaded; the computation writes it itself."""
+    return Files(
+        save=lambda info, folder: None,
+        load=lambda folder: replace(StoredInformation.open(folder / _STORE), executor=executor),
+    )
 
 
 def _springs(run: SimulatedRun) -> list[dict[str, object]]:
