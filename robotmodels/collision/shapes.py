@@ -3,7 +3,7 @@
 import os
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -52,6 +52,17 @@ class Shape:
     placement: pin.SE3
     hull: coal.CollisionGeometry
     mesh: coal.CollisionGeometry | None = None
+
+    def __reduce__(self) -> tuple[Callable[..., "Shape"], tuple[object, ...]]:
+        if isinstance(self.hull, coal.Halfspace):
+            # Coal writes its infinite bounds, but cannot read them.
+            plane = np.array(self.hull.n), self.hull.d
+            return _half_space, (self.link, self.joint, self.placement, *plane)
+        return Shape, (self.link, self.joint, self.placement, self.hull, self.mesh)
+
+
+def _half_space(link: str, joint: int, placement: pin.SE3, normal: Array, offset: float) -> Shape:
+    return Shape(link, joint, placement, coal.Halfspace(normal, offset))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,5 +1,6 @@
 """Pairs compared once per combination of angles, against every pair compared in every position."""
 
+import pickle
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -82,12 +83,19 @@ def test_a_first_joint_that_is_not_upright_counts(tmp_path):
     assert shares["'lower' and 'side'"] == 1  # whose normal is the axis; 5 cm thick
 
 
+class Travelling(ThreadPoolExecutor):
+    """Pickles what it is given, as a pool of processes does."""
+
+    def submit(self, fn, /, *args, **kwargs):
+        return super().submit(*pickle.loads(pickle.dumps((fn, *args))), **kwargs)
+
+
 def test_tasks_of_an_executor(monkeypatch):
     monkeypatch.setattr(comparison, "_TASK", 300)
     robot = load_robot("ur10")
-    around = surroundings(robot, floor=0.0)
+    around = surroundings(robot, floor=0.0, obstacles=AROUND)
     positions = candidate_positions(robot, [2, 5, 5, 4, 3, 2])
-    with ThreadPoolExecutor(2) as executor:
+    with Travelling(2) as executor:
         touching = around.touching(positions, executor=executor)
     assert np.array_equal(touching, around.touching(positions))
 
