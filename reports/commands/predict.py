@@ -63,11 +63,11 @@ def predict(
     Example: oed predict studies/ur10.yaml --at 0,0,0.1 --frequencies 2,80 --map 200
     """
     words: dict[str, Any] = {
-        "motion": _one_of("--motion", motion, ("displacement", "velocity", "acceleration")),
-        "motors": _one_of("--motors", motors, ("clamped", "free")),
+        "motion": one_of("--motion", motion, ("displacement", "velocity", "acceleration")),
+        "motors": one_of("--motors", motors, ("clamped", "free")),
         "modes": modes,
     }
-    frame = _frame(link or "", at, axes)  # refused before a study is computed
+    frame = read_frame(link or "", at, axes)  # refused before a study is computed
     omega = None if frequencies is None else read_frequencies(frequencies)
     model = read_source(source, position, spread, workers)
     from estimators.validation.predict_tool import predict_tool
@@ -112,7 +112,8 @@ def _written(prediction: "ToolPrediction", model: Identified, target: Path) -> l
     return [target / name for name in (*contents, "prediction.html")]
 
 
-def _one_of(option: str, word: str, words: tuple[str, ...]) -> str:
+def one_of(option: str, word: str, words: tuple[str, ...]) -> str:
+    """Return a word of an option; refuse one that is none of `words`."""
     if word not in words:
         raise InvalidInput(
             f"{option}: {word!r} is unknown{nearest(word, words)}; there are {', '.join(words)}"
@@ -120,7 +121,7 @@ def _one_of(option: str, word: str, words: tuple[str, ...]) -> str:
     return word
 
 
-def _frame(link: str, at: str, axes: str) -> "Frame":
+def read_frame(link: str, at: str, axes: str) -> "Frame":
     """Return the frame of the options."""
     from reports.commands.check_options import read_numbers
     from robotmodels import Frame
@@ -130,7 +131,7 @@ def _frame(link: str, at: str, axes: str) -> "Frame":
         raise InvalidInput(f"--at: {len(point)} given, 3 needed: x,y,z in the link's frame [m]")
     x, y, z = point
     return Frame(
-        link, (x, y, z), "link" if _one_of("--axes", axes, ("base", "link")) == "link" else "base"
+        link, (x, y, z), "link" if one_of("--axes", axes, ("base", "link")) == "link" else "base"
     )
 
 

@@ -1,4 +1,4 @@
-"""What the records of a KR 300 say of springs beside its gears: encoders behind gears, slow motion."""
+"""What the records of a KR 300 say of springs beside those of its gears."""
 
 import numpy as np
 import pytest
