@@ -79,8 +79,8 @@ def _prior(robot: "ElasticRobot") -> "Prior | None":
     """Return what a robot file is sure of, None if it says nothing of that."""
     from estimators import robot_prior
 
-    known = robot.file.fitted is not None or bool(robot.file.guessed)
-    return robot_prior(robot) if known else None
+    has_deviations = robot.file.fitted is not None or bool(robot.file.guessed)
+    return robot_prior(robot) if has_deviations else None
 
 
 def _test(robot: "ElasticRobot", frame: "Frame", direction: list[str], motors: str) -> "HammerTest":
@@ -116,11 +116,11 @@ def _summary(fit: "Fit", prior: "Prior | None", written: Path) -> str:
     from reports.sections.verdict import interval_words
     from reports.summaries.columns import hung, plain, plural
 
-    rest = "with nothing else"
+    beside = "with nothing else"
     if prior is not None:
-        rest = f"with what the robot file is sure of ({plural(len(prior.names), 'parameter')})"
+        beside = f"with what the robot file is sure of ({plural(len(prior.names), 'parameter')})"
     lines = [
-        ("data", f"{plural(len(fit.problem.positions), 'position')}, {rest}"),
+        ("data", f"{plural(len(fit.problem.positions), 'position')}, {beside}"),
         ("fit", f"cost {fit.cost:.6g}, {'converged' if fit.converged else 'NOT converged'}"),
         *(
             (one.name, plain(f"{interval_words(one)} {unit}"))
