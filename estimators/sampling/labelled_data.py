@@ -11,6 +11,7 @@ from estimators.sampling.log_posterior import posterior_density
 from estimators.sampling.posterior import Posterior
 from robotmodels.common.arrays import Array, check_count, check_kind, check_memory
 from robotmodels.common.errors import InvalidInput
+from robotmodels.common.extras import install
 
 if TYPE_CHECKING:
     from xarray import Dataset, DataTree
@@ -173,6 +174,5 @@ def _labels(
 
 def _not_installed(function: str) -> InvalidInput:
     return InvalidInput(
-        f"{function}: arviz-base and xarray are not installed; "
-        "pip install 'elastic-robot-oed[arviz]' brings them"
+        f"{function}: arviz-base and xarray are not installed; {install('arviz')} brings them"
     )

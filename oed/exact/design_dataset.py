@@ -8,6 +8,7 @@ from oed.design.design import Design
 from oed.exact.exact_design import ExactDesign
 from robotmodels.common.arrays import Array, real_numbers
 from robotmodels.common.errors import InvalidInput
+from robotmodels.common.extras import install
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -32,7 +33,7 @@ def design_dataset(design: Design | ExactDesign, positions: Array) -> "Dataset":
         import xarray
     except ImportError:
         raise InvalidInput(
-            "design_dataset: xarray is needed; pip install 'elastic-robot-oed[arviz]' brings it"
+            f"design_dataset: xarray is needed; {install('arviz')} brings it"
         ) from None
     positions = real_numbers(positions, "positions")
     if isinstance(design, ExactDesign):

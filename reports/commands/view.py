@@ -10,6 +10,7 @@ from reports.commands.export import is_study
 from reports.commands.options import WORKERS, Workers, robot_names
 from reports.commands.studies import read_study, working
 from robotmodels.common.errors import InvalidInput
+from robotmodels.common.extras import install
 
 if TYPE_CHECKING:
     from reports.viewer.view import View
@@ -38,10 +39,7 @@ def view(
     Example: oed view studies/ur10.yaml
     """
     if find_spec("viser") is None:
-        raise InvalidInput(
-            "view: the library viser is needed; pip install 'elastic-robot-oed[view]', or in a "
-            "clone pip install '.[view]'"
-        )
+        raise InvalidInput(f"view: the library viser is needed; {install('view')}")
     shown = _view(source, workers)
     from reports.viewer.viewer import Viewer, serving
 

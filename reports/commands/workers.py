@@ -8,6 +8,7 @@ from importlib import import_module
 
 from reports.commands.stopping import waking
 from robotmodels.common.errors import IdentificationError, InvalidInput
+from robotmodels.common.extras import install
 from robotmodels.common.process_pool import ProcessPool
 
 RETRIES = 3
@@ -84,9 +85,7 @@ def cluster(address: str) -> Iterator[Executor]:
     try:
         distributed = import_module("distributed")  # an extra: it may not be there
     except ImportError:
-        raise InvalidInput(
-            "--cluster needs dask.distributed: pip install 'elastic-robot-oed[cluster]'"
-        ) from None
+        raise InvalidInput(f"--cluster needs dask.distributed: {install('cluster')}") from None
     try:
         client = distributed.Client(address, timeout=PATIENCE)
     except (OSError, ValueError) as error:

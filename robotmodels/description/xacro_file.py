@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.extras import install
 from robotmodels.common.printing import printable
 
 _MOST_PACKAGES = 100
@@ -32,8 +33,7 @@ def expand_xacro(
         from xacrodoc import packages
     except ImportError:
         raise InvalidInput(
-            f"{path}: xacro macros need xacrodoc, which is not installed; run: "
-            "pip install 'elastic-robot-oed[xacro]'"
+            f"{path}: xacro macros need xacrodoc, which is not installed; run: {install('xacro')}"
         ) from None
     packages.reset()
     packages.update_package_cache(_packages_in(path, folders))

@@ -10,6 +10,7 @@ import numpy as np
 from robotmodels.common.arrays import Array, real_numbers
 from robotmodels.common.atomic_files import atomic_write, created_folder, unwritable
 from robotmodels.common.errors import IdentificationError, InvalidInput
+from robotmodels.common.extras import install
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.exports.state_matrices import state_matrices
 from robotmodels.linear.response import check_omega, frequency_response, linearize
@@ -262,6 +263,6 @@ def _control() -> Any:
         import control
     except ImportError:
         raise IdentificationError(
-            "python-control is not installed; run: pip install 'elastic-robot-oed[control]'"
+            f"python-control is not installed; run: {install('control')}"
         ) from None
     return control

@@ -4,8 +4,7 @@ from importlib import import_module
 from typing import Any
 
 from robotmodels.common.errors import InvalidInput
-
-INSTALL = "pip install 'elastic-robot-oed[records]'"
+from robotmodels.common.extras import install
 
 
 def optional_library(module: str, purpose: str) -> Any:
@@ -25,4 +24,6 @@ def optional_library(module: str, purpose: str) -> Any:
         return import_module(module)
     except ImportError:
         name = module.partition(".")[0]
-        raise InvalidInput(f"{purpose}: the library {name} is needed; {INSTALL}") from None
+        raise InvalidInput(
+            f"{purpose}: the library {name} is needed; {install('records')}"
+        ) from None

@@ -13,7 +13,10 @@ from conftest import drawn, oed
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-PAGES = sorted(DOCS.rglob("*.md"))  # those of the gallery are run by test_examples
+PAGES = [
+    ROOT / "AGENTS.md",
+    *sorted(DOCS.rglob("*.md")),
+]  # those of the gallery are run by test_examples
 BLOCK = re.compile(r"^```(\w+)([^\n]*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 TITLE = re.compile(r'title="([^"]+)"')
 ALONE = {"run", "design", "sample", "report", "simulate"}  # by a single process
@@ -148,5 +151,10 @@ def test_the_site_builds_without_warnings(tmp_path):
     assert run.returncode == 0, run.stdout + run.stderr
     page = (tmp_path / "site" / "index.html").read_text(encoding="utf-8")
     assert not re.search(r'(?:src|href)="https?://(?!squidfunk)[^"]*\.(?:js|css|woff2?)"', page)
+    listed = (tmp_path / "site" / "llms.txt").read_text("utf-8")
+    assert "- [Tutorial](tutorial/index.html): Ten minutes, of which the computer" in listed
+    assert all(
+        f"{one.stem}/index.html" in listed for one in DOCS.rglob("*.md") if one.stem != "index"
+    )
     reference = (tmp_path / "site" / "api" / "uncertainty" / "index.html").read_text("utf-8")
     assert "<code>ndarray, (Q, n), rad</code>" in reference  # as it is written, no Python tuple
