@@ -35,4 +35,4 @@ def first_sentence(markdown: str) -> str:
     """Return the first sentence of a page's prose, without links."""
     prose = _PROSE.search(markdown)
     words = _LINK.sub(r"\1", " ".join(prose[0].split())) if prose else ""
-    return re.split(r"(?<=[.?:])\s", words)[0]
+    return re.split(r"(?<=[.?:])\s", words.removeprefix("- "))[0]
