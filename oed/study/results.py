@@ -6,9 +6,13 @@ from typing import Self
 
 import numpy as np
 
+from estimators.sampling.exported_draws import parameter_draws
 from estimators.structure.power import StructurePower
 from estimators.trust.trust import Trust
+from estimators.uncertainty.recommended import recommended_uncertainty
+from estimators.validation.controller_margins import ControllerMargins, controller_margins
 from estimators.validation.predict_tool import ToolPrediction, predict_tool
+from oed.experiment.prepare import controller_of
 from oed.plan_comparison.plan_comparison import PlanComparison
 from oed.study.parts import (
     DesignedPlan,
@@ -30,11 +34,14 @@ from oed.study.summary import (
     summarise_plan,
     summarise_uncertainty,
 )
-from robotmodels import ElasticRobot
+from robotmodels import ElasticRobot, linear_feedback
 from robotmodels.common.arrays import Array
 
 _SHOWN = 6
-"""Positions of the plan in which the tool is predicted."""
+"""Positions of the plan in which tool and controller are predicted."""
+
+_DRAWS = 40
+"""Draws of the fit for the bands of a controller's margins."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,6 +158,17 @@ class StudyResults(FittedStudy):
     def tool(self) -> ToolPrediction:
         """Compliance and modes at the end of the last link in some of the plan's positions."""
         return predict_tool(self.fits.result, self.plan.positions[:_SHOWN])
+
+    @cached_property
+    def controller(self) -> ControllerMargins | None:
+        """Margins of the controller of the simulated experiment there; None without one."""
+        settings, best = self.study.data.experiment, self.fits.result
+        if settings is None:
+            return None
+        feedback = linear_feedback(controller_of(settings, self.robot))
+        covariance, rng = recommended_uncertainty(best).covariance, np.random.default_rng(0)
+        draws = parameter_draws(best.parameters.values, covariance, _DRAWS, rng)
+        return controller_margins(best, feedback, self.plan.positions[:_SHOWN], draws)
 
     @cached_property
     def uncertainty_summary(self) -> UncertaintySummary:

@@ -11,8 +11,8 @@ from reports.commands.options import WORKERS, AsJson, Workers, say
 from robotmodels.common.errors import InvalidInput
 
 if TYPE_CHECKING:
+    from estimators.validation.controller_margins import ControllerMargins
     from oed.experiment.experiment_file import Experiment
-    from reports.summaries.margins_summary import ControllerMargins
     from robotmodels import ElasticRobot
     from robotmodels.simulation.linear_feedback import LinearFeedback
 
@@ -56,8 +56,8 @@ def margins(
     computed = _computed(model, loop, draws, seed)
     files = _written(computed, model, (output or model.folder).resolve())
     say(
-        lambda: margins_summary(computed, files),
-        lambda: margins_document(computed) | {"files": list(map(str, files))},
+        lambda: margins_summary(computed, model.spread, files),
+        lambda: margins_document(computed, model.spread) | {"files": list(map(str, files))},
         as_json,
     )
 
@@ -67,26 +67,13 @@ def _computed(
 ) -> "ControllerMargins":
     from functools import partial
 
-    import numpy as np
-
-    from estimators.validation.margin_bands import predict_margins, suggestions
-    from reports.summaries.margins_summary import ControllerMargins
+    from estimators.validation.controller_margins import controller_margins
     from reports.summaries.progress import progress_bars
-    from robotmodels import determinant_loci
 
-    theta = model.source.parameters.values
+    drawn = model.draws(draws, seed)
     with progress_bars() as bars:
-        band = predict_margins(
-            model.source,
-            loop,
-            model.positions,
-            rng=np.random.default_rng(seed),
-            draws=model.draws(draws, seed),
-            progress=None if bars is None else partial(bars, "draws"),
-        )
-    loci = determinant_loci(model.robot, model.positions, loop, theta)
-    remedies = suggestions(model.robot, loop, model.positions, theta)
-    return ControllerMargins(band, loci, tuple(model.robot.motor_names), remedies, model.spread)
+        progress = None if bars is None else partial(bars, "draws")
+        return controller_margins(model.source, loop, model.positions, drawn, progress)
 
 
 def _written(computed: "ControllerMargins", model: Identified, target: Path) -> list[Path]:
@@ -98,10 +85,11 @@ def _written(computed: "ControllerMargins", model: Identified, target: Path) -> 
 
     with staged_folder(target) as staged:
         (staged / "margins.csv").write_text(margins_csv(computed), encoding="utf-8")
-        document = json_text(margins_document(computed))
+        document = json_text(margins_document(computed, model.spread))
         (staged / "margins.json").write_text(document, encoding="utf-8")
         trust = getattr(model.source, "trust", None)
-        write_margins_page(computed, model.robot.name, staged / "margins.html", trust)
+        page = staged / "margins.html"
+        write_margins_page(computed, model.robot.name, model.spread, page, trust)
     return [target / f"margins.{ending}" for ending in ("csv", "json", "html")]
 
 

@@ -1,5 +1,7 @@
 """Figures of margins: each motor's in every position with intervals, all loops as one curve."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -19,7 +21,7 @@ _WIDTH = 0.6
 """Of the positions of one motor, in motors."""
 
 
-def margins_by_motor(band: MarginBand, motors: tuple[str, ...]) -> Drawing:
+def margins_by_motor(band: MarginBand, motors: Sequence[str]) -> Drawing:
     """Return margins of each motor, one dot with its interval for each position."""
 
     def draw(palette: Palette) -> Figure:

@@ -10,6 +10,7 @@ from reports.page_elements import Section
 from reports.sections import (
     candidates,
     comparison,
+    controller,
     cross_check,
     design,
     experiment,
@@ -115,5 +116,6 @@ _IN_ORDER: dict[str, Callable[[StudyResults], Section | None]] = {
     "uncertainty": _uncertainty,
     "weak directions": _identifiability,
     "tool": tool.section,
+    "controller": controller.section,
     "validation": validation.section,
 }

@@ -59,7 +59,7 @@ def test_records_are_fitted_as_runs_by_default(simulated):
     assert not uncertainty["failures"]
     ratio = np.divide(uncertainty["emcee"]["std"], uncertainty["theorem1"]["std"])
     assert (np.abs(np.log(ratio)) < 0.3).all()
-    for section in ("run-spectra", "residuals", "cross-check"):
+    for section in ("run-spectra", "residuals", "cross-check", "controller"):
         assert f'id="{section}"' in page
     assert 'id="responses"' not in page
     ids = re.findall(r'<(?:h2|div|table|figure)[^>]* id="([^"]+)"', page)
