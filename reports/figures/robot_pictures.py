@@ -11,6 +11,7 @@ import numpy as np
 from markupsafe import Markup
 
 from robotmodels.common.arrays import Array
+from robotmodels.elastic.mode_pictures import ModeMovements
 
 AZIMUTH, ELEVATION = -55, 18  # of the camera [deg]
 _WIDTH = 160  # of a picture [px]
@@ -60,10 +61,17 @@ def scene_of(skeletons: list[Array]) -> Scene:
     return Scene(radius, float(x_min), float(y_min), float(width), float(height))
 
 
-def stick_figure(skeleton: Array, scene: Scene, alt: str, marks: Array | None = None) -> Markup:
+def stick_figure(
+    skeleton: Array,
+    scene: Scene,
+    alt: str,
+    marks: Array | None = None,
+    modes: ModeMovements | None = None,
+) -> Markup:
     """Return the picture of one position: floor, shadow, links from base to tool.
 
-    With `marks` (r, 3), which are drawn as large dots, the page's script does not turn it.
+    With `marks` (r, 3), which are drawn as large dots, the page's script does not turn it. With
+    `modes` it can move.
 
     Parameters
     ----------
@@ -94,10 +102,19 @@ def stick_figure(skeleton: Array, scene: Scene, alt: str, marks: Array | None = 
     if marks is not None:
         return Markup(f'<svg viewBox="{box}" role="img" aria-label="{escape(alt)}">{paths}</svg>')
     data = json.dumps(skeleton.tolist(), separators=(",", ":"))
+    moving = "" if modes is None else f'data-modes="{_mode_data(modes)}" '
     return Markup(
-        f'<svg viewBox="{box}" role="img" aria-label="{escape(alt)}" data-robot="{data}" '
+        f'<svg viewBox="{box}" role="img" aria-label="{escape(alt)}" data-robot="{data}" {moving}'
         f'data-radius="{scene.radius}" data-view="[{AZIMUTH},{ELEVATION}]">{paths}</svg>'
     )
+
+
+def _mode_data(modes: ModeMovements) -> str:
+    """Return frequency [Hz] and movements of each mode."""
+    hertz = (modes.frequencies / (2 * np.pi)).tolist()
+    movements = _rounded(modes.movements).tolist()
+    pairs = [[round(f, 2), moved] for f, moved in zip(hertz, movements, strict=True)]
+    return json.dumps(pairs, separators=(",", ":"))
 
 
 def _floor(radius: float) -> list[Array]:

@@ -1,11 +1,11 @@
 """The positions of the plan: pictures of the robot and a table."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from markupsafe import Markup
 
 from oed.study.parts import DesignedPlan, MeasuredPlan
-from oed.study.results import PlannedStudy
+from oed.study.results import FittedStudy, PlannedStudy
 from reports import text
 from reports.figures import robot_pictures
 from reports.page_elements import Cell, Number, Section, Table, filled, numbers, table
@@ -16,6 +16,7 @@ from reports.sections.plan_labels import (
     position_units,
     prismatic,
 )
+from robotmodels.elastic.mode_pictures import mode_movements
 from robotmodels.elastic.rigid_pose import joint_origins
 
 
@@ -26,6 +27,8 @@ class Pose:
     number: int
     experiments: str
     drawing: Markup
+    residuals: str = ""
+    outlying: bool = False
 
 
 def section(results: PlannedStudy) -> Section:
@@ -44,13 +47,28 @@ def poses(results: PlannedStudy) -> list[Pose]:
     plan = results.plan
     skeletons = [joint_origins(results.robot, position) for position in plan.positions]
     scene = robot_pictures.scene_of(skeletons)
+    values = results.fits.result.parameters.values if isinstance(results, FittedStudy) else None
     straight, pictures = prismatic(results), []
     for number, (i, skeleton) in enumerate(zip(plan.used, skeletons, strict=True), start=1):
         angles = ", ".join(text.format_position(plan.information.positions[i], straight))
         alt = f"Stick figure of the robot in position {number}: {angles}"
-        drawing = robot_pictures.stick_figure(skeleton, scene, alt)
+        modes = mode_movements(results.robot, plan.information.positions[i], values)
+        drawing = robot_pictures.stick_figure(skeleton, scene, alt, modes=modes)
         pictures.append(Pose(number, experiments(results, int(i)), drawing))
-    return pictures
+    return _with_residuals(results, pictures)
+
+
+def _with_residuals(results: PlannedStudy, pictures: list[Pose]) -> list[Pose]:
+    """Return the pictures with how well the model fits in each position, where data were fitted."""
+    if not isinstance(results, FittedStudy):
+        return pictures
+    analysis = results.fits.residuals
+    if len(analysis.by_position) != len(pictures):
+        return pictures
+    return [
+        replace(pose, residuals=text.fixed(float(ratio), 2), outlying=q in analysis.outlying)
+        for q, (pose, ratio) in enumerate(zip(pictures, analysis.by_position, strict=True))
+    ]
 
 
 def position_table(results: PlannedStudy) -> Table:

@@ -5,6 +5,7 @@
     svg,
     points: JSON.parse(svg.dataset.robot),
     radius: Number(svg.dataset.radius),
+    modes: JSON.parse(svg.dataset.modes ?? "[]"),
     width: svg.viewBox.baseVal.width,
     lines: [...svg.querySelectorAll("path")].map((path) => path.getAttribute("stroke-width")),
   }));
@@ -26,6 +27,17 @@
   const turn = (azimuth, elevation) => {
     view.azimuth = ((azimuth + 540) % 360) - 180;
     view.elevation = Math.min(90, Math.max(0, elevation));
+    draw();
+  };
+  // A mode moves the points about where they rest.
+  const moving = { mode: -1, phase: 0 };
+  const deflected = ({ points, modes, radius }) => {
+    const shape = modes[moving.mode];
+    if (!shape) return points;
+    const amplitude = 0.1 * radius * Math.sin(moving.phase);
+    return points.map((point, i) => point.map((v, k) => v + amplitude * shape[1][i][k]));
+  };
+  const draw = () => {
     const seen = camera();
     const words = (point) => seen(point).map((v) => v.toFixed(3)).join(" ");
     const line = (points) => "M" + points.map(words).join("L");
@@ -36,7 +48,8 @@
     const margin = 0.04 * Math.max(right - left, bottom - top);
     const box = [left - margin, top - margin, right - left + 2 * margin, bottom - top + 2 * margin];
     for (const robot of robots) {
-      const { svg, points, radius } = robot;
+      const { svg, radius } = robot;
+      const points = deflected(robot);
       // The frame stays as large as it was, and what is seen is fitted into it.
       if (!svg.style.aspectRatio) {
         const { width, height } = svg.viewBox.baseVal;
@@ -61,6 +74,36 @@
       });
     }
   };
+
+  const most = Math.max(...robots.map((robot) => robot.modes.length));
+  const bar = document.getElementById("modes-shown");
+  if (bar && most) {
+    const label = document.createElement("label");
+    const select = document.createElement("select");
+    select.setAttribute("aria-label", "mode");
+    label.append("mode ", select);
+    select.append(new Option("none", 0));
+    for (let mode = 1; mode <= most; mode++) select.append(new Option(mode, mode));
+    bar.append(label);
+    const still = matchMedia("(prefers-reduced-motion: reduce)");
+    let frame = 0;
+    const animate = (time) => {
+      moving.phase = still.matches ? Math.PI / 2 : time / 400;
+      draw();
+      if (!still.matches) frame = requestAnimationFrame(animate);
+    };
+    select.addEventListener("change", () => {
+      cancelAnimationFrame(frame);
+      moving.mode = Number(select.value) - 1;
+      for (const { svg, modes } of robots) {
+        const [frequency] = modes[moving.mode] ?? [];
+        const told = svg.closest("figure")?.querySelector(".mode");
+        if (told) told.textContent = frequency === undefined ? "" : `${frequency} Hz`;
+      }
+      if (moving.mode < 0) draw();
+      else animate(0);
+    });
+  }
 
   const keys = {
     ArrowLeft: [-10, 0], ArrowRight: [10, 0], ArrowUp: [0, 10], ArrowDown: [0, -10],
