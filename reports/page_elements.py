@@ -18,7 +18,7 @@ from reports.figures.svg import LIGHT, Palette, inline
 
 Drawing = Callable[[Palette], MatplotlibFigure]
 
-_SCRIPTS = ("report.js", "robots.js", "responses.js")
+_SCRIPTS = ("report.js", "robots.js", "packed.js", "plotting.js", "responses.js", "map.js")
 
 
 class VectorDrawing(Protocol):

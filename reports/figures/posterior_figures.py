@@ -10,8 +10,8 @@ from reports.figures.study_figures import Drawing
 from reports.figures.svg import Palette
 from robotmodels.common.arrays import Array
 
-_POINTS = 60  # of a trace, at most
-_BINS = 16  # of ranks
+_POINTS = 40  # of a trace, at most
+_BINS = 12  # of ranks
 
 
 def traces(names: Sequence[str], chains: Array) -> Drawing:

@@ -1,12 +1,9 @@
 """FRFs of a page as compact data, from which its script draws single elements.
 
-Whole multiples of a step, differences along frequency, bytes of equal weight together, deflated:
-``responses.js`` undoes it.
+``responses.js`` draws what is packed here.
 """
 
-import base64
 import json
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,6 +11,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
+from reports.figures.packed_numbers import packed
 from robotmodels.common.arrays import Array, ComplexArray, IntArray
 
 _STEPS = 8  # of a response in the least relative standard deviation
@@ -77,7 +75,7 @@ class ResponseData:
             "repetitions": self.repetitions.tolist(),
             "frequency": [round(float(v), 6) for v in self.omega / (2 * np.pi)],
             "measured": _logarithm(self.measured, step, 1),
-            "std": _packed(np.log(np.maximum(self.std, _LEAST)), _COARSEST, 1),
+            "std": packed(np.log(np.maximum(self.std, _LEAST)), _COARSEST, 1),
             "singular": _singular_values(self.measured, 1),
         }
         if self.model is not None:
@@ -88,7 +86,7 @@ class ResponseData:
             }
         if self.model_std is not None:
             logarithm = np.log(np.maximum(self.model_std, _LEAST))
-            content["modelStd"] = _packed(logarithm, 2 * _COARSEST, 2)
+            content["modelStd"] = packed(logarithm, 2 * _COARSEST, 2)
         words = json.dumps(content, separators=(",", ":")).replace("<", "\\u003c")
         return Markup(f'<script type="application/json" class="responses">{words}</script>')
 
@@ -97,26 +95,14 @@ def _logarithm(response: ComplexArray, step: float, order: int) -> list[Any]:
     """Return ln |G| and the phase, which has no jumps."""
     phase = np.unwrap(np.angle(response), axis=1)
     return [
-        _packed(part, step, order) for part in (np.log(np.maximum(np.abs(response), _LEAST)), phase)
+        packed(part, step, order) for part in (np.log(np.maximum(np.abs(response), _LEAST)), phase)
     ]
 
 
 def _singular_values(response: ComplexArray, order: int) -> dict[str, Any]:
     """Return ln of the singular values, (Q, F, min(m, n)), the largest first."""
     values = np.linalg.svd(response, compute_uv=False)
-    return _packed(np.log(np.maximum(values, _LEAST)), _COARSEST, order)
-
-
-def _packed(values: Array, step: float, order: int) -> dict[str, Any]:
-    """Return (Q, F, ...) in steps, with `order` differences along frequency, which comes last."""
-    whole = np.rint(np.moveaxis(values, 1, -1) / step).astype(np.int32)
-    for _ in range(order):
-        whole = np.diff(whole, axis=-1, prepend=np.int32(0))
-    unsigned = (whole << 1) ^ (whole >> 31)  # small numbers of either sign have zeros in front
-    planes = unsigned.astype("<i4").reshape(-1, 1).view(np.uint8).T
-    deflate = zlib.compressobj(6, zlib.DEFLATED, 15, 9, zlib.Z_FILTERED)
-    packed = base64.b64encode(deflate.compress(planes.tobytes()) + deflate.flush()).decode()
-    return {"step": step, "order": order, "bytes": packed}
+    return packed(np.log(np.maximum(values, _LEAST)), _COARSEST, order)
 
 
 def between(omega: Array) -> Array:

@@ -23,6 +23,7 @@ from reports.page_elements import (
     percent_cell,
     table,
 )
+from reports.sections.design_maps import drawn_map
 from reports.sections.plan_labels import cost
 from reports.sections.verdict import discredited
 
@@ -61,6 +62,7 @@ def section(results: PlannedStudy) -> Section | None:
         least=[text.percent(float(value)) for value in least],
         sensitivity=sensitivity,
         growth=growth(plan),
+        map=drawn_map(results, plan),
     )
     return Section("design", "Design", body)
 

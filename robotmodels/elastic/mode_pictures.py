@@ -40,13 +40,17 @@ def mode_movements(
     NoEquilibrium
         If a spring gives way.
     """
-    (rest,) = robot.equilibrium(position[None], parameters).coordinates
+    (equilibrium,) = robot.equilibrium(position[None], parameters).coordinates
     modes = resonances(linearize(robot, position, parameters))
-    shapes = modes.shapes[: len(rest), :count].T
-    coarse = _points(robot, rest + _STEP * shapes) - _points(robot, rest - _STEP * shapes)
+    shapes = modes.shapes[: len(equilibrium), :count].T
+    coarse = _points(robot, equilibrium + _STEP * shapes) - _points(
+        robot, equilibrium - _STEP * shapes
+    )
     reach = np.linalg.norm(coarse, axis=2).max(axis=1) / (2 * _STEP)
     scaled = shapes / np.where(reach > 0, reach, 1.0)[:, None]
-    movements = _points(robot, rest + _STEP * scaled) - _points(robot, rest - _STEP * scaled)
+    movements = _points(robot, equilibrium + _STEP * scaled) - _points(
+        robot, equilibrium - _STEP * scaled
+    )
     return ModeMovements(modes.frequencies[:count], movements / (2 * _STEP))
 
 

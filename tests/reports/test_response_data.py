@@ -11,7 +11,7 @@ Q, F, M, N = 2, 9, 3, 2
 
 
 def unpacked(packed, shape):
-    """Undo the packing as ``responses.js`` does, one number at a time."""
+    """Undo the packing as ``packed.js`` does, one number at a time."""
     raw = zlib.decompress(base64.b64decode(packed["bytes"]))
     size, values = len(raw) // 4, []
     for k in range(size):

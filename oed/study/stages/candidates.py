@@ -3,13 +3,16 @@
 from concurrent.futures import Executor
 from pathlib import Path
 
-from oed.candidates.screening import ScreenedCandidates
+import numpy as np
+
+from oed.candidates.screening import ScreenedCandidates, reasons
 from oed.candidates.sources import Workcell, gathered_candidates
 from oed.candidates.task_space import TaskBox
 from oed.study.settings.candidates_settings import CandidatesChoice
 from oed.study.stage_cache import Stage, dataclass_files
 from oed.study.stages.run import SimulatedRun
 from robotmodels import ElasticRobot
+from robotmodels.common.arrays import Array
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.fingerprints import file_digest
 from robotmodels.common.progress import Progress
@@ -32,13 +35,29 @@ def candidates(run: SimulatedRun) -> Stage[ScreenedCandidates]:
     return run.stages.run("candidates", inputs, compute, dataclass_files(ScreenedCandidates))
 
 
+def refusals(
+    settings: CandidatesChoice, robot: ElasticRobot, screened: ScreenedCandidates, most: int = 100
+) -> tuple[Array, list[str]]:
+    """Return some of the positions that `robot` cannot take, (R, n), and why, evenly chosen."""
+    everywhere = gather(settings, robot, obstructed=False).positions
+    accepted = {position.tobytes() for position in screened.positions}
+    refused = np.array([p for p in everywhere if p.tobytes() not in accepted])
+    shown = refused[:: max(-(-len(refused) // most), 1)].reshape(-1, len(robot.motor_names))
+    cell = workcell(settings)
+    surroundings = cell.surroundings(robot)
+    words = [reasons(robot, p, surroundings, torque_limits=cell.torque_limits) for p in shown]
+    return shown, ["; ".join(one) for one in words]
+
+
 def gather(
     settings: CandidatesChoice,
     robot: ElasticRobot,
     progress: Progress | None = None,
     executor: Executor | None = None,
+    *,
+    obstructed: bool = True,
 ) -> ScreenedCandidates:
-    """Return the candidates that `robot` can take.
+    """Return the candidates that `robot` can take, with nothing in its way if not `obstructed`.
 
     Raises
     ------
@@ -54,7 +73,7 @@ def gather(
             boxes=[TaskBox(**box.model_dump()) for box in settings.boxes],
             files=settings.files,
             listed=settings.positions,
-            workcell=workcell(settings),
+            workcell=workcell(settings) if obstructed else Workcell(self_collision=False),
             progress=progress,
             executor=executor,
         )
