@@ -269,7 +269,7 @@ def test_without_scripts_everything_is_shown(browser, report):
         assert all(panels.nth(i).is_visible() for i in range(panels.count()))
         assert not page.locator("[data-save]").first.is_visible()
         assert page.locator("svg[data-robot]").first.is_visible()
-        assert not page.locator(".hint").is_visible()
+        assert not page.locator(".hint:visible").count()
         assert wrong == []
 
 
@@ -301,6 +301,42 @@ def test_pictures_of_the_robot_turn_together_and_back(desktop, loaded):
     assert drawn(desktop) == home
 
 
+def test_a_mode_moves_the_pictures_and_lets_go(desktop):
+    at_rest = drawn(desktop)
+    choice = desktop.get_by_label("mode", exact=True)
+    desktop.emulate_media(reduced_motion="reduce")  # a still picture at the amplitude
+    choice.select_option("1")
+    moved = drawn(desktop)
+    assert all(now != then for now, then in zip(moved, at_rest, strict=True))
+    assert desktop.locator("#pose-1 .mode").text_content().endswith(" Hz")
+    choice.select_option("none")
+    assert [numbers(one) for one in drawn(desktop)] == [
+        pytest.approx(numbers(one), abs=0.002) for one in at_rest
+    ]
+    desktop.emulate_media(reduced_motion="no-preference")
+
+
+def test_the_design_map_tells_of_candidates(desktop):
+    map_ = desktop.locator("#design-map")
+    map_.get_by_label("across").select_option("tool x [m]")
+    map_.get_by_label("up").select_option("tool z [m]")
+    assert "tool x [m] and tool z [m]" in map_.locator("svg").get_attribute("aria-label")
+    told = set()
+    box = map_.locator("svg").bounding_box()
+    for x in np.linspace(0.15, 0.95, 12):
+        for y in (0.2, 0.5, 0.8):
+            event = {
+                "clientX": box["x"] + x * box["width"],
+                "clientY": box["y"] + y * box["height"],
+            }
+            map_.locator("svg").dispatch_event("pointermove", event)
+            told.add(map_.locator("output").text_content())
+    candidates = [re.match(r"Candidate, sensitivity ([\d.]+): m2 \S+, m3", one) for one in told]
+    values = [float(one[1]) for one in candidates if one]
+    assert len(values) > 3
+    assert max(values) <= 1.005
+
+
 def test_turned_from_above_the_robot_casts_no_shadow(desktop):
     first = desktop.locator("svg[data-robot]").first
     for _ in range(9):
@@ -315,7 +351,7 @@ def test_turned_from_above_the_robot_casts_no_shadow(desktop):
 def test_a_finger_turns_pictures_and_still_scrolls(phone):
     first = phone.locator("svg[data-robot]").first
     assert first.evaluate("e => getComputedStyle(e).touchAction") == "pan-y"
-    assert phone.locator(".hint").is_visible()
+    assert phone.locator("section[aria-labelledby=positions] .hint").is_visible()
     assert phone.locator(".wider").count() >= 1  # and says that it scrolls
     assert "scroll sideways" in phone.locator(".wider > .tools").first.evaluate(
         "e => getComputedStyle(e, '::before').content"

@@ -7,6 +7,8 @@ import robotmodels
 from oed.study.settings.candidates_settings import CandidatesChoice
 from oed.study.stages.candidates import gather, refusals
 
+LIMITS = {"shoulder_lift_joint": [-2.5, 0.5], "elbow_joint": [-2.5, 2.5]}
+
 
 @pytest.fixture(scope="module")
 def robot():
@@ -15,7 +17,9 @@ def robot():
 
 @pytest.fixture(scope="module")
 def settings():
-    return CandidatesChoice(per_joint={"shoulder_lift_joint": 9, "elbow_joint": 9}, floor=0.0)
+    return CandidatesChoice(
+        per_joint={"shoulder_lift_joint": 9, "elbow_joint": 9}, limits=LIMITS, floor=0.0
+    )
 
 
 def test_every_refused_position_has_its_reasons(robot, settings):
