@@ -32,7 +32,7 @@ NOISE = RelativeNoise(0.03, 0.01)
 POSITIONS, LINES, LEVEL = 8, 40, 0.01
 
 
-def run(seed: int, stiffest: float) -> dict[str, object]:
+def run(seed: int, stiffest: float, fresh: bool = False) -> dict[str, object]:
     """Return one run: what was hidden, predicted and chosen."""
     rng = np.random.default_rng([2026, seed])
     robot = load_robot(ROBOTS[seed % len(ROBOTS)])
@@ -48,7 +48,8 @@ def run(seed: int, stiffest: float) -> dict[str, object]:
         values = {"stiffness": stiffness, "damping": damping}
         hidden.append(elements[i].model_copy(update=values))
     truth = with_springs(robot, hidden, free=True)
-    estimate = simulate_frf(truth, positions, omega, NOISE, rng)
+    noise = np.random.default_rng([5000 + seed, 77]) if fresh else rng
+    estimate = simulate_frf(truth, positions, omega, NOISE, noise)
     estimate = replace(estimate, covariance=NOISE.variance(estimate.response))
     start = robot.parameters.values * 2.0 ** rng.uniform(-1, 1, len(robot.parameters))
     base = fit(robot, estimate, "nls", "optimal", start)
@@ -117,6 +118,7 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=300)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--stiffest", type=float, default=50.0, help="in units of the robot's own")
+    parser.add_argument("--fresh", action="store_true", help="the same runs with other noise")
     parser.add_argument("--out", type=Path, default=Path("structure_choice.json"))
     arguments = parser.parse_args()
     runs = json.loads(arguments.out.read_text()) if arguments.out.exists() else []
@@ -125,7 +127,7 @@ def main() -> None:
         if seed in done:
             continue
         try:
-            one = run(seed, arguments.stiffest)
+            one = run(seed, arguments.stiffest, arguments.fresh)
         except IdentificationError as error:
             one = {"seed": seed, "error": str(error)}
         runs.append(one)

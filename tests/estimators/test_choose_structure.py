@@ -109,7 +109,7 @@ def test_power_says_what_is_seen_and_what_is_not(base):
 
 @pytest.mark.slow
 def test_predicted_detection_is_that_of_simulated_fits():
-    spring = _spring("joint2 z", 1.2e8)
+    spring = _spring("joint2 z", 6e6)
     truth = with_springs(ROBOT, [spring], free=True)
     response = robotmodels.frequency_response(truth, POSITIONS, OMEGA)
     rng, level, hits = np.random.default_rng(3), 0.01, []
