@@ -28,6 +28,7 @@ lint: $(VENV)/installed
 	$(BIN)/lint-imports
 	$(BIN)/python tests/lint/docstrings.py
 	$(BIN)/python tests/lint/words.py
+	$(BIN)/python tests/lint/phrases.py
 	$(BIN)/python tests/lint/statements.py
 
 coverage: $(VENV)/installed

@@ -70,7 +70,7 @@ def run() -> None:
             fail(message, error.exit_code)
         sys.exit(error.exit_code)  # help was shown
     except BrokenProcessPool:
-        fail("a worker process was killed, perhaps for want of memory; try --workers 1", 1)
+        fail("a worker process was killed, possibly out of memory; try --workers 1", 1)
     except (OSError, RuntimeError) as error:  # HDF5 raises either
         if disk_full(error):
             fail(_DISK_FULL, 1)

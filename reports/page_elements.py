@@ -142,6 +142,11 @@ class Column:
     code: bool = False
 
     @property
+    def explanation(self) -> str:
+        """What the glossary says of the title without its unit; nothing if it has no entry."""
+        return glossary().get(re.sub(r" *\[.*\]$", "", self.title).lower(), "")
+
+    @property
     def heading(self) -> str:
         """The title, its unit on one line."""
         return re.sub(r"\[.*?\]", lambda unit: unit[0].replace(" ", "\u00a0"), self.title)
@@ -210,8 +215,16 @@ def page(
             style=Markup(_file("report.css")),
             script=Markup("".join(map(_file, _SCRIPTS))),
             light=Markup(json.dumps(asdict(LIGHT))),
+            glossary=dict(re.findall(r"^## (.+)\n(.+)$", _file("glossary.md"), re.M)),
         )
     )
+
+
+@cache
+def glossary() -> dict[str, str]:
+    """Return explanations by term, in lower case."""
+    entries = re.findall(r"^## (.+)\n(.+)$", _file("glossary.md"), re.M)
+    return {term.lower(): words for names, words in entries for term in [names, *names.split(", ")]}
 
 
 def page_banner(
@@ -250,7 +263,7 @@ def _file(name: str) -> str:
 
 @cache  # it keeps what it has compiled
 def _environment(html: bool) -> jinja2.Environment:
-    return jinja2.Environment(
+    environment = jinja2.Environment(
         loader=jinja2.PackageLoader("reports", "templates"),
         autoescape=html,
         undefined=jinja2.StrictUndefined,
@@ -258,3 +271,5 @@ def _environment(html: bool) -> jinja2.Environment:
         lstrip_blocks=True,
         keep_trailing_newline=not html,
     )
+    environment.globals["explanation"] = lambda term: glossary()[term.lower()]
+    return environment

@@ -106,7 +106,7 @@ def format_position(position: Array, prismatic: Sequence[bool]) -> list[str]:
 
 
 def duration(seconds: float) -> str:
-    """Return a time as ``0.4 s``, ``12 s`` ``< 0.1 s`` or ``3 min 5 s``."""
+    """Return a time as ``0.4 s``, ``12 s`` ``< 0.1 s``, ``3 min 5 s`` or ``16 min``."""
     if 0 < seconds < 0.05:
         return f"< 0.1{THIN}s"
     if seconds < 10:
@@ -114,6 +114,8 @@ def duration(seconds: float) -> str:
     whole = round(seconds)
     if whole < 60:
         return f"{whole}{THIN}s"
+    if whole >= 600:
+        return f"{round(seconds / 60)}{THIN}min"
     return f"{whole // 60}{THIN}min {whole % 60}{THIN}s"
 
 

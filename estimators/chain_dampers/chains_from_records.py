@@ -152,7 +152,7 @@ def _dampers(identification: ChainIdentification) -> tuple[DamperFit | None, tup
     if negative.size:
         motors = ", ".join(str(i + 1) for i in negative)
         return fitted, (
-            f"with dampers the friction of motor {motors} comes out negative: there is friction "
+            f"with dampers the friction of motor {motors} is negative: there is friction "
             "elsewhere in the chain, which this model does not have",
         )
     return fitted, ()

@@ -105,7 +105,7 @@ class DeflectionFit:
         1 - |d - d'|^2 / |d|^2 over moving samples: d is the deflection less offset, delay and
         hysteresis, which are fitted to that record, d' the gear's torque over the stiffness. Both
         hold the mean load, unless they are `centred`: an offset absorbs any mean. Gears whose
-        compliance comes out negative are left out.
+        compliance is negative are left out.
         """
         movement = joint_movement(self.start, record)
         shares = explained_share(self.estimate, self.at, movement, centred)
@@ -348,7 +348,7 @@ def _file_payload(
         "payload='robot file', for which the stiffnesses then hold"
     )
     if silent:
-        raise InvalidInput(f"motor_torque is missing, hence the payload cannot be told: {remedy}")
+        raise InvalidInput(f"motor_torque is missing, so the payload is not identifiable: {remedy}")
     smooth = [movement.low_passed(at.low_pass) for movement in movements]
     torques = [s.torques(np.zeros(len(robot.motor_names))) for s in smooth]
     both = [np.isfinite(m.torque).all(axis=0) for m in movements if m.torque is not None]

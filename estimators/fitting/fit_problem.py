@@ -184,7 +184,7 @@ def check_enough_data(problem: FitProblem) -> None:
     data, names, prior = problem.used_data, problem.names, problem.prior
     if data + (0 if prior is None else len(prior.columns(names))) < len(names):
         raise InvalidInput(
-            f"fit: {len(names)} parameters but only {data} real data carry weight; "
+            f"fit: {len(names)} parameters but only {data} real data have non-zero weight; "
             "add positions, frequencies or runs, or free fewer parameters"
         )
 

@@ -46,7 +46,7 @@ class StartValues(ReprHtml):
     def draw(self, n: int, rng: np.random.Generator) -> Array:
         """Return n starts (n, p) for `multistart`: the values themselves, and others as rough."""
         if n < 1:
-            raise InvalidInput(f"start: {n} starts asked for; at least 1 is needed")
+            raise InvalidInput(f"start: {n} starts requested; at least 1 is needed")
         spread = rng.standard_normal((n - 1, len(self.values))) * self.std
         return np.asarray(np.vstack([self.values, self.values * np.exp(spread)]))
 

@@ -120,7 +120,7 @@ def check_copied_periods(measured: Spectra, who: str) -> None:
     output = measured.output
     size = np.abs(output).max()
     if size > 0 and np.abs(output - output[:, :1]).max() <= _ROUNDING * size:
-        warn(f"{who}: all periods hold the same samples; copies tell nothing of noise")
+        warn(f"{who}: all periods hold the same samples; copies carry no information on noise")
 
 
 def check_blocks(measured: Spectra, who: str) -> None:

@@ -256,7 +256,7 @@ def _distortion(source: "_Source", method: str, signals: dict[str, Any]) -> Dist
     if method != LOCAL and source.first.torque.shape[3] > 1:
         return merge_distortion(distortion(source, method, **signals))
     why = "the local method" if method == LOCAL else "one measured period"
-    message = f"{why}: noise and distortion cannot be told apart"
+    message = f"{why}: noise and distortion cannot be distinguished"
     warnings.warn(message, IdentificationWarning, stacklevel=1)
     return None
 

@@ -47,7 +47,7 @@ def propose_angles(search: Search) -> None:
     doubt = _doubt(values)
     if not hypotheses:
         raise InvalidInput(
-            f"{search.log.where}: {family.pattern}: in no usual unit do these angles lie within "
+            f"{search.log.where}: {family.pattern}: in no usual unit are these angles within "
             f"the limits of the joints{doubt}; state unit, side and start_pose in a mapping"
         )
     search.angle = hypotheses[0]

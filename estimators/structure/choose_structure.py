@@ -145,7 +145,7 @@ def choose_structure(
         stopped = choice.add()
         while not stopped and choice.improve() and len(choice.steps) < _PASSES * most:
             pass
-    stopped = stopped or f"no more than {most} were asked for"
+    stopped = stopped or f"no more than {most} were requested"
     end = choice.fit
     values = dict(zip(end.parameters.names, end.parameters.values, strict=True))
     return StructureChoice(

@@ -68,7 +68,7 @@ class StructurePower:
     right_place: float
 
     def __str__(self) -> str:
-        group = f"; not told from {', '.join(self.twins)}" if self.twins else ""
+        group = f"; not distinguished from {', '.join(self.twins)}" if self.twins else ""
         return (
             f"{self.name}: shows with probability {self.detection:.3f}, at its place with "
             f"{self.right_place:.3f}{group}"

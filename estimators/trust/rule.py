@@ -179,15 +179,15 @@ def _overall(e: Evidence) -> Verdict:
         q, f, i = (int(k) + 1 for k in e.outlier)
         return Verdict(
             "model error",
-            f"the residual of element {i} of vec(G) at line {f} in position {q} is larger than "
-            "noise makes any; leave it out, or use a robust loss",
+            f"the residual of element {i} of vec(G) at line {f} in position {q} is an outlier; "
+            "leave it out, or use a robust loss",
         )
     if e.too_large:
         return Verdict(
             "noise understated",
             f"residuals are {e.size.ratio:.3g} times what noise explains (p = "
-            f"{e.size.probability:.1g}), everywhere alike; intervals are "
-            f"{np.sqrt(e.size.ratio):.3g} times as wide for it",
+            f"{e.size.probability:.1g}), at all lines and positions; intervals are "
+            f"{np.sqrt(e.size.ratio):.3g} times as wide",
         )
     if not e.correlation.white:
         lag = e.correlation.coefficients[1] if len(e.correlation.coefficients) > 1 else 0.0

@@ -140,7 +140,7 @@ class Campaign:
         InvalidInput
             If no body can have the fitted inertia.
         """
-        data = {"data": f"campaign, cost {latest.cost:.3g} times what noise makes of it"}
+        data = {"data": f"campaign, cost {latest.cost:.3g} times its expectation"}
         robot = fitted_robot(self.robot, latest.values, latest.trust, data, latest.covariance)
         if not latest.friction:
             return robot

@@ -102,7 +102,7 @@ def check_hope(outlook: Outlook | None) -> None:
         raise InvalidInput(
             "targets: by the guesses and the noise of the low-level run they need "
             f"{outlook.needed:.1g} min at least, {outlook.remaining:.3g} are left; give limits "
-            "more room, or ask for less"
+            "more room, or relax the targets"
         )
 
 

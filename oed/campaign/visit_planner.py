@@ -186,7 +186,7 @@ class VisitPlanner:
             raise InvalidInput(
                 f"moves: no order of the planned positions has free moves, from "
                 f"{np.round(at, 3).tolist()} to {np.round(goal, 3).tolist()} {pair} would touch; "
-                "add candidates between, or clear the way"
+                "add candidates between, or remove the obstacle"
             )
 
 

@@ -114,7 +114,7 @@ def screened_candidates(
     screen = _screened(robot, positions, surroundings, torque_limits, progress, executor)
     notes: tuple[str, ...] = ("collisions are not checked",)
     if surroundings is not None:
-        notes = (*surroundings.shapes.notes, "the ways between positions are not checked")
+        notes = (*surroundings.shapes.notes, "paths between positions are not checked")
     if not len(screen.remaining):
         summary = _summary(0, len(positions), screen.removed)
         worst = max(screen.removals, key=lambda removal: removal.count)

@@ -29,9 +29,9 @@ _ROUNDING = 16 * np.finfo(float).eps
 _OPEN = 1e-8
 _REMEDY = "add positions or frequencies, or fix or tie some of these parameters"
 _COLLINEAR = (
-    f"all candidates together tell combinations of them apart by less than 1/{_CONDITION:.0e} of "
-    "what they tell of others, so that no design can be certified; add positions or frequencies, "
-    "or fix or tie some of these parameters"
+    f"all candidates together determine combinations of them by less than 1/{_CONDITION:.0e} "
+    "of what they determine of others, so that no design can be certified; add positions or "
+    "frequencies, or fix or tie some of these parameters"
 )
 _SMALL = (
     f"sensitivities more than {SPREAD:.1e} times smaller than the largest cannot be told from "

@@ -190,7 +190,7 @@ class _Problem:
                 least = target * float(np.exp(-short / 2))
                 missed.append(f"{name} (not below {least:.3g}, {target:.3g} asked for)")
         if missed:
-            remedy = "no time suffices; ask for less, add candidates, or fix these parameters"
+            remedy = "no time suffices; relax the targets, add candidates, or fix these parameters"
             raise NotIdentifiable(missed, remedy)
 
     def bound(self, design: Design, budget: float) -> _Bound:

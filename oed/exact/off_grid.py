@@ -75,8 +75,8 @@ class RefinedDesign(ReprHtml):
     def __str__(self) -> str:
         ended = "" if self.converged else ", not converged"
         return (
-            f"{self.design}\n  worth {self.gain:.2%} more than on the grid; gap {self.gap:.1e} "
-            f"over {self.checked} finer points, {self.beyond:.1e} where climbing led{ended}"
+            f"{self.design}\n  {self.gain:.2%} more efficient than on the grid; gap {self.gap:.1e} "
+            f"over {self.checked} finer points, {self.beyond:.1e} at local maxima{ended}"
         )
 
 

@@ -80,7 +80,7 @@ class Score(ReprHtml):
         ]
         for one in self.additions:
             lines.append(
-                f"  one more in {one.candidate} is worth {one.gain:.3f} times as much, "
+                f"  one more visit to {one.candidate}: {one.gain:.3f} times the efficiency, "
                 f"largest standard deviation {one.largest_std:.3g}"
             )
         return "\n".join(lines)

@@ -81,7 +81,7 @@ def _check_contacts(prepared: Prepared, surroundings: Surroundings | None) -> No
     """Refuse moves and swings on which something would touch."""
     plan, start = prepared.plan, prepared.plan.positions[0]
     for visit, goal in enumerate(plan.visited):
-        pair, way = contacts(surroundings, start, goal)[0], "on the way there"
+        pair, way = contacts(surroundings, start, goal)[0], "on the path there"
         if pair is None:
             swing = prepared.scaling.peaks.swing[visit, 2]
             pair, way = swing_contact(surroundings, goal, *swing.T), "within its swing"

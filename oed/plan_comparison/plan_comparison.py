@@ -157,19 +157,19 @@ class PlanComparison(ReprHtml):
         return tuple(trial.name for trial, selected in pairs if selected)
 
     def __str__(self) -> str:
-        plan, rivals = self.optimal, len(self.rivals)
-        others = f", beaten by {', '.join(self.better) or 'none'}" * (len(self.beaten) < rivals)
+        plan, count = self.optimal, len(self.rivals)
+        others = f", worse than {', '.join(self.better) or 'none'}" * (len(self.beaten) < count)
         lines = [
-            f"{plan.name} beats {len(self.beaten)} of {rivals} rivals by {self.criterion}{others}, "
-            f"{len(plan.simulation.estimates)} simulations each"
+            f"{plan.name} better than {len(self.beaten)} of {count} alternatives by "
+            f"{self.criterion}{others}, {len(plan.simulation.estimates)} simulations each"
         ]
         for k, trial in enumerate(self.rivals, start=1):
             low, high = self.interval[k]
             lines.append(
-                f"  {trial.name:<12} worth {self.simulated[k]:.2f} ({low:.2f} to {high:.2f}), "
-                f"promised {self.promised[k]:.2f}"
+                f"  {trial.name:<12} relative efficiency {self.simulated[k]:.2f} "
+                f"({low:.2f} to {high:.2f}), predicted {self.promised[k]:.2f}"
                 if isinstance(trial, SimulatedPlan)
-                else f"  {trial.name:<12} leaves open {', '.join(trial.unidentified)}"
+                else f"  {trial.name:<12} does not identify {', '.join(trial.unidentified)}"
             )
         return "\n".join(lines)
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     no_args_is_help=True,
-    help="Identify a robot step by step: ask which visits to run, tell their records.",
+    help="Identify a robot step by step: ask for visits to run, return their records.",
 )
 File = Annotated[Path, typer.Argument(help="Campaign file.")]
 Number = Annotated[int, typer.Argument(min=1, help="Number of the visit.")]
@@ -79,7 +79,7 @@ def tell(
         str | None, typer.Option(help="Why it gave no records; another takes its place.")
     ] = None,
 ) -> None:
-    """Take the records of a visit, or note that it failed.
+    """Read the records of a visit, or note that it failed.
 
     Example: oed campaign tell campaign.yaml 3 visit_3.h5
     """
@@ -102,7 +102,7 @@ def tell(
 
 @app.command()
 def status(campaign: File, as_json: AsJson = False) -> None:
-    """Print what is known how well, and the minutes used; write page and identified robot.
+    """Print estimates, their accuracy and the minutes used; write page and identified robot.
 
     Example: oed campaign status campaign.yaml
     """
@@ -124,7 +124,7 @@ def simulate(
         bool, typer.Option("--whole", help="Go on until the campaign has ended.")
     ] = False,
 ) -> None:
-    """Carry out the open visits on a simulated robot: a rehearsal.
+    """Carry out the open visits on a simulated robot.
 
     Example: oed campaign simulate campaign.yaml --truth ur10
     """

@@ -33,7 +33,7 @@ def chains(
     output: BesideRecords = None,
     as_json: AsJson = False,
 ) -> None:
-    """Identify masses, springs and couplings of chains from motor torques and angles alone.
+    """Identify masses, springs and couplings of chains from motor torques and angles.
 
     Example: oed chains records.h5 --masses 3
     """

@@ -32,7 +32,7 @@ def check(
     band: Annotated[str, typer.Option(help="Frequencies of interest, LOW,HIGH in Hz.")] = "2,80",
     as_json: AsJson = False,
 ) -> None:
-    """Show a robot: its bodies, motors, springs, equilibrium and modes, and what looks wrong.
+    """Show bodies, motors, springs, equilibrium and modes of a robot, with warnings.
 
     Example: oed check ur10 --position 0,-90,90,0,45,0 -o ur10.html
     """

@@ -52,8 +52,8 @@ def export(
         typer.Option(
             min=0,
             max=10_000,
-            help="Write so many robots too, drawn from what the fit or the robot file leaves open, "
-            "and the table of their parameters.",
+            help="Number of robots to write too, sampled from the uncertainty of the fit or of the "
+            "robot file, with the table of their parameters.",
         ),
     ] = 0,
     seed: Annotated[

@@ -70,9 +70,9 @@ def identify(
     output: BesideRecords = None,
     as_json: AsJson = False,
 ) -> None:
-    """Fit a robot to records by maximum likelihood: any number of runs a position, one will do.
+    """Fit a robot to records by maximum likelihood, with one or more runs in each position.
 
-    Noise of torques and angles counts alike. Writes the identified robot as a robot file, beside
+    Noise on torques and angles is modelled. Writes the identified robot as a robot file, beside
     the first records by default.
 
     Example: oed identify manutec_r3 out/manutec_r3_experiment/records.h5
@@ -203,7 +203,7 @@ def _summary(
         ("data", str(fit.data)),
         *(("loop", words) for words in loops),
         *((f"friction of {one.motor}", level_words(one)) for one in levels),
-        ("fit", f"cost {ratio:.3f} times what noise makes of it; {reached} of {starts} starts"),
+        ("fit", f"cost {ratio:.3f} times its expectation; {reached} of {starts} starts"),
         *(
             (one.name, plain(f"{interval_words(one)} {unit}"))
             for one, unit in zip(fit.intervals(), fit.parameters.units, strict=True)

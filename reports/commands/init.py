@@ -42,7 +42,7 @@ def init(
     tip: Annotated[str | None, typer.Option(help="Link: only joints before it move.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Write a commented study, and from a model file a robot file with guesses to replace.
+    """Write a commented study, and for a model file a robot file with initial guesses.
 
     Nothing is overwritten.
 

@@ -37,14 +37,15 @@ def margins(
     position: Position = None,
     spread: Map = 0,
     draws: Annotated[
-        int, typer.Option(min=2, max=100_000, help="Draws of what the fit leaves open.")
+        int,
+        typer.Option(min=2, max=100_000, help="Parameter samples from the uncertainty."),
     ] = 100,
     seed: Seed = 0,
     output: Output = None,
     workers: Workers = WORKERS,
     as_json: AsJson = False,
 ) -> None:
-    """Say gain and phase margins, sensitivity and bandwidth of each motor's loop, with bands.
+    """Compute gain and phase margins, sensitivity and bandwidth of each motor's loop, with bands.
 
     Example: oed margins studies/ur10.yaml --controller controller.json --map 20
     """

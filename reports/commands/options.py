@@ -14,7 +14,7 @@ from robotmodels.common.printing import printable
 
 Workers = Annotated[
     int,
-    typer.Option(min=1, max=1024, help="Processes that share the work; 1 works in this one."),
+    typer.Option(min=1, max=1024, help="Number of processes; 1 computes in this one."),
 ]
 AsJson = Annotated[
     bool,
@@ -26,11 +26,12 @@ _LONGEST = 1000
 
 Records = Annotated[Path, typer.Argument(help="Records: .h5, .mat or .csv.")]
 Delay = Annotated[
-    float, typer.Option(min=-1e3, max=1e3, help="Of the angles after the torques, in s.")
+    float,
+    typer.Option(min=-1e3, max=1e3, help="Delay of the angles after the torques, in s."),
 ]
 Hold = Annotated[
     bool,
-    typer.Option("--hold/--no-hold", help="Commanded torques are held, measured ones not."),
+    typer.Option("--hold/--no-hold", help="Zero-order-hold correction, for commanded torques."),
 ]
 BesideRecords = Annotated[
     Path | None, typer.Option("-o", "--output", help="Folder; by default that of the records.")

@@ -48,9 +48,9 @@ def predict(
         typer.Option(
             min=0,
             max=400,
-            help="Bands by so many draws of the parameters, better than first derivatives where "
-            "deviations exceed some 20 %; 0 for derivatives, or 200 draws of a study's posterior "
-            "where oed run or oed sample has stored one.",
+            help="Bands from this number of parameter samples, more accurate than linearisation "
+            "where standard deviations exceed some 20 %; 0: linearisation, or 200 draws of a "
+            "study's posterior where oed run or oed sample has stored one.",
         ),
     ] = 0,
     seed: Seed = 0,

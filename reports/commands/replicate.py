@@ -35,9 +35,9 @@ def replicate(
     fresh: Fresh = False,
     as_json: AsJson = False,
 ) -> None:
-    """Put a study beside the published one that it names; writes published.json and published.html.
+    """Compare a study with a published one; writes published.json and published.html.
 
-    What an earlier command computed is kept while nothing it rests on changes.
+    Results of earlier commands are reused while their inputs are unchanged.
 
     Example: oed replicate studies/published.yaml
     """

@@ -27,7 +27,7 @@ def report(
 ) -> None:
     """Write the report of a study, or one page that compares several.
 
-    Results of earlier commands are used again; missing ones are computed.
+    Results of earlier commands are reused; missing ones are computed.
 
     Example: oed report studies/ur10.yaml more_positions.yaml -o comparison.html
     """

@@ -49,9 +49,9 @@ def run(
     fresh: Fresh = False,
     as_json: AsJson = False,
 ) -> None:
-    """Compute a study and write its report: where to measure, what comes out, how certain it is.
+    """Compute a study and write its report: design, identified parameters, uncertainty.
 
-    Stages that an earlier run finished are kept while nothing they rest on changes.
+    Stages of an earlier run are reused while their inputs are unchanged.
 
     Studies of coupled chains (schema chain_study/1), of movements (data.movements) and of visits
     (design.minutes or design.targets) are computed as a whole.

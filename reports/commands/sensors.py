@@ -28,9 +28,9 @@ def sensors(
     workers: Workers = WORKERS,
     as_json: AsJson = False,
 ) -> None:
-    """Say which outputs of the robot, beside motors' encoders, are worth buying for a study.
+    """Select sensors to add to the motor encoders within a budget, for a study.
 
-    Each choice within the budget is judged by its best design over the study's candidates.
+    Each set of sensors is evaluated by its optimal design over the study's candidates.
 
     Example: oed sensors study.yaml --price tip=900 --price elbow=400 --budget 1000
     """

@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     from oed.study.stage_cache import Failure
 
 _PURPOSE = {
-    "design": "Choose where to measure: candidates, optimal design, whole experiments, what they "
-    "promise; writes design.json and the page design.html.",
-    "fit": "Take or simulate the data of a study and fit them; writes design.json and fit.json.",
-    "sample": "Say how certain the fit of a study is, by Theorem 1 and emcee; "
+    "design": "Design the experiment: candidates, optimal positions, numbers of visits, expected "
+    "standard deviations; writes design.json and the page design.html.",
+    "fit": "Read or simulate the data of a study and fit them; writes design.json and fit.json.",
+    "sample": "Compute the uncertainty of a study's fit, by Theorem 1 and emcee; "
     "writes uncertainty.json.",
 }
-_RESUMED = "What an earlier command computed is kept while nothing it rests on changes."
+_RESUMED = "Results of earlier commands are reused while their inputs are unchanged."
 _WRITTEN = {
     "design": ("design.json", "design.html"),
     "fit": ("fit.json",),

@@ -17,7 +17,7 @@ from contextlib import contextmanager, suppress
 
 PATIENCE = 5.0
 """Time to the next step after a signal [s]."""
-INTERRUPTED = "interrupted; the same command goes on from here\n"
+INTERRUPTED = "interrupted; run the same command again to continue\n"
 _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 _END = b"\0"
 

@@ -25,9 +25,9 @@ def structure(
     fresh: Fresh = False,
     as_json: AsJson = False,
 ) -> None:
-    """Say which springs the data of a study ask for beside those of its robot.
+    """Identify which springs a robot has in addition to those of its file, from a study's data.
 
-    Takes or simulates the data and fits them, as oed fit does. Writes structure.json, a page
+    Reads or simulates the data and fits them, as oed fit does. Writes structure.json, a page
     structure.html, and structure.yaml: the robot file with the springs, all values fitted.
 
     Example: oed structure study.yaml --level 0.01

@@ -25,13 +25,14 @@ if TYPE_CHECKING:
 
 StudyFile = Annotated[Path, typer.Argument(help="Study file, such as studies/ur10.yaml.")]
 Fresh = Annotated[
-    bool, typer.Option("--fresh", help="Compute all stages again, also those that still fit.")
+    bool,
+    typer.Option("--fresh", help="Compute all stages again, also those with unchanged inputs."),
 ]
 
 Cluster = Annotated[
     str | None,
     typer.Option(
-        help="Scheduler of a Dask cluster that does the work instead, such as tcp://host:8786.",
+        help="Scheduler of a Dask cluster to compute on, such as tcp://host:8786.",
         show_default=False,
     ),
 ]
@@ -215,5 +216,5 @@ def end_with_failures(study: Path, results: "PlannedStudy") -> None:
     if not failures:
         return
     reasons = "; ".join(f"{one.name}: {one.reason}" for one in failures)
-    remedy = "all else is written, and the same command goes on from it"
+    remedy = "everything else is written; run the same command again to continue"
     fail(f"{study}: {reasons}; {remedy}", 2 if all(one.mistake for one in failures) else 1)

@@ -95,8 +95,8 @@ def cluster(address: str) -> Iterator[Executor]:
         yield client.get_executor(retries=RETRIES)
     except (distributed.KilledWorker, CancelledError) as error:
         raise IdentificationError(
-            f"--cluster {address}: its workers died, perhaps for want of memory, or its scheduler "
-            "went away; the same command goes on from the stages that are finished"
+            f"--cluster {address}: its workers died, possibly out of memory, or its scheduler "
+            "went away; run the same command again to continue from the finished stages"
         ) from error
     finally:
         client.close()

@@ -69,7 +69,7 @@ def write_campaign_page(
         title=campaign.robot.name,
         kind="campaign",
         kicker="Identification of an elastic robot, visit by visit",
-        lead="Which visits to run, and what the springs and dampers are known to be.",
+        lead="Visits to run, identified stiffness and damping, and their uncertainty.",
         sections=sections,
         banner=banner,
     )
@@ -198,7 +198,7 @@ def visit_table(campaign: Campaign, status: CampaignStatus) -> Table:
     ]
     caption = (
         "Visits in the order of proposal. Of those that are fitted the largest torque and speed of "
-        "any motor over its limit, and squared residuals over what noise makes of them."
+        "any motor over its limit, and squared residuals over their expectation."
     )
     return table("visits-table", caption, columns, rows)
 

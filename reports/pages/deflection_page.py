@@ -38,7 +38,7 @@ def write_deflection_page(results: DeflectionResults, path: Path, command: str =
             title=results.fit.start.name,
             kind="springs from deflection",
             kicker="Springs from encoders on both sides of the gears",
-            lead="What slow or ordinary movements tell of gears, payload and friction.",
+            lead="Gear stiffness, payload and friction identified from slow or ordinary movements.",
             sections=[
                 _parameters(results),
                 _systematic(results),
@@ -91,11 +91,11 @@ def parameter_table(results: DeflectionResults) -> Table:
         *numbers("estimate", "±", "95 % interval"),
         Column("unit", "u"),
         Column("verdict"),
-        Column("what it rests on", "words"),
+        Column("reason", "words"),
     ]
     caption = (
         "Estimates with one standard deviation and 95 % interval, systematic terms included. "
-        "Struck out is what must not be quoted."
+        "Numbers not to be quoted are struck out."
     )
     return table("estimates", caption, columns, rows)
 
@@ -107,11 +107,11 @@ def _systematic(results: DeflectionResults) -> Section:
         (term, *(percent_cell(each.get(name, np.nan)) for name in names))
         for term, each in shifts.items()
     ]
-    caption = "Relative change of each result if that assumption were otherwise."
+    caption = "Relative change of each result under the alternative assumption."
     shown = table(
         "systematic",
         caption,
-        [Column("if otherwise"), *in_unit("%", *names)],
+        [Column("assumption changed"), *in_unit("%", *names)],
         rows,
     )
     return Section(
@@ -159,7 +159,7 @@ def _tests(results: DeflectionResults) -> Section:
             term.term,
             percent_cell(term.share),
             Number(text.probability(term.p_value), term.p_value),
-            "missing" if term.matters else "not missed",
+            "missing" if term.matters else "negligible",
             term.remark,
         )
         for term in sorted(fit.missing, key=lambda term: -term.share)
@@ -169,9 +169,9 @@ def _tests(results: DeflectionResults) -> Section:
         Column("term"),
         *numbers("share [%]", "p-value"),
         Column("verdict"),
-        Column("its size, and what it means", "words"),
+        Column("size and meaning", "words"),
     ]
-    caption = "Terms that were left out, looked for in what the fit leaves over."
+    caption = "Omitted terms, tested in the residuals of the fit."
     body = filled(
         "deflection_tests.html.j2",
         flags=[flag.sentence for flag in fit.flags],

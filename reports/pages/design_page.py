@@ -28,7 +28,7 @@ def write_design_page(results: PlannedStudy, path: Path, command: str = "") -> N
         title=results.robot.name,
         kind="experiment design",
         kicker="Optimal experiment design for an elastic robot",
-        lead="Where to measure, how often, and how certain that will make each parameter.",
+        lead="Optimal positions and numbers of visits, with the expected standard deviations.",
         sections=[one for one in sections if one is not None],
         banner=banner(results),
     )

@@ -49,8 +49,8 @@ def write_structure_page(results: FittedStudy, structure: Structure, path: Path)
     content = page(
         title=results.robot.name,
         kind="structure from data",
-        kicker="Which springs the data ask for",
-        lead="Springs beside those of the robot file, chosen by score tests and refits.",
+        kicker="Structure identification",
+        lead="Springs in addition to those of the robot file, selected by score tests and refits.",
         sections=[
             Section("springs", "Springs", choice_body),
             Section("scores", "Score tests", scores_body),
@@ -88,7 +88,7 @@ def spring_table(structure: Structure) -> Table:
     columns = [
         Column("spring"),
         *numbers("stiffness [N m/rad]", "damping [N m s/rad]"),
-        Column("or, as likely", "words"),
+        Column("indistinguishable from", "words"),
     ]
     return table("chosen", "Springs that were added, with fitted values.", columns, rows)
 
@@ -130,7 +130,7 @@ def score_table(structure: Structure) -> Table:
         Column("unit", "u"),
         *numbers("expected fall"),
     ]
-    caption = "Sizes by one linear step; those of springs are compliances, which are not negative."
+    caption = "Sizes by one linear step; those of springs are compliances and non-negative."
     return table("tests", caption, columns, rows)
 
 

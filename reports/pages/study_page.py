@@ -60,9 +60,7 @@ def _page(results: StudyResults, sections: list[Section]) -> str:
         title=results.robot.name,
         kind="experiments, parameters, uncertainty",
         kicker="Experiment design and uncertainty for an elastic robot",
-        lead=(
-            "Where to measure, what the springs and dampers come out as, and how far to trust them."
-        ),
+        lead=("Optimal positions, identified stiffness and damping, and their uncertainty."),
         sections=sections,
         banner=banner(results),
     )

@@ -115,7 +115,7 @@ def _accuracy(results: VisitStudyResults) -> Section:
 
 def accuracy_table(results: VisitStudyResults) -> Table:
     """Return the standard deviations that the visits promise, beside the targets."""
-    columns = {"promised": results.std[0]}
+    columns = {"expected": results.std[0]}
     if len(results.std) > 1:
         columns["worst sample"] = results.std.max(axis=0)
     if not np.isnan(results.targets).all():

@@ -1,4 +1,4 @@
-"""The candidates: where the robot might be put, and what was removed and why."""
+"""The candidate positions: their ranges, and reasons for rejection."""
 
 import numpy as np
 
@@ -51,11 +51,11 @@ def range_table(results: PlannedStudy) -> Table:
 
 
 def removal_table(screened: ScreenedCandidates) -> Table:
-    """Return what was in the way, the most frequent first."""
+    """Return the reasons for rejection, the most frequent first."""
     rows = [
         (removal.reason, removal.what, Number(text.count(removal.count), removal.count))
         for removal in screened.removals
     ]
-    columns = [Column("reason"), Column("what", "words"), *numbers("positions")]
-    caption = "What was in the way; a position can be counted several times under one reason."
+    columns = [Column("reason"), Column("of", "words"), *numbers("positions")]
+    caption = "Reasons for rejection; a position can be counted under several."
     return table("removals", caption, columns, rows)

@@ -1,4 +1,4 @@
-"""Plans compared: what simulations of the plan and of its rivals gave."""
+"""Plans compared: simulations of the optimal plan and of its alternatives."""
 
 import numpy as np
 
@@ -55,7 +55,7 @@ def section(results: StudyResults) -> Section | None:
 
 
 def plan_table(comparison: PlanComparison) -> Table:
-    """Return the worth of each plan, promised and simulated."""
+    """Return the relative efficiency of each plan, predicted and simulated."""
     rows: list[list[Cell]] = []
     p = len(comparison.names)
     for k, trial in enumerate(comparison.plans):
@@ -68,19 +68,19 @@ def plan_table(comparison: PlanComparison) -> Table:
         _, clear, against = comparison.more_certain(k)
         between = f"{text.fixed(float(worth[2]), 2)} to {text.fixed(float(worth[3]), 2)}"
         if isinstance(trial, UnidentifiedPlan):
-            between = f"leaves open {text.listed(list(trial.unidentified))}"
+            between = f"does not identify {text.listed(list(trial.unidentified))}"
         row += [between, Number(f"{clear} of {p}", clear)]
         rows.append([*row, Number(str(against), against)])
     columns = [
         Column("plan"),
-        *numbers("positions", "worth, promised", "worth, simulated"),
-        Column("with 95 % between"),
-        *numbers("optimal is surer of", "less sure of"),
+        *numbers("positions", "relative efficiency, predicted", "simulated"),
+        Column("95 % interval"),
+        *numbers("optimal more certain of", "less certain of"),
     ]
     caption = (
-        "What one experiment of each plan is worth in experiments of the optimal plan, by "
-        "information and by the scatter of repeated simulations; parameters of which a plan is "
-        "surer than chance explains (F test, 5 %)."
+        "Relative efficiency of each plan against the optimal one, by its information matrix and "
+        "by the scatter of repeated simulations; number of parameters whose variance is "
+        "significantly smaller or larger with the optimal plan (F test, 5 %)."
     )
     return table("plans", caption, columns, rows)
 
@@ -129,7 +129,7 @@ def _groups(comparison: PlanComparison) -> list[tuple[str, list[SimulatedPlan]]]
 
 
 def _best(comparison: PlanComparison) -> dict[str, str]:
-    """Return the best of the rivals: its name, and what it is worth."""
+    """Return the best alternative: its name and relative efficiency."""
     k = 1 + int(np.argmax(comparison.simulated[1:])) if len(comparison.plans) > 1 else 0
     low, high = (text.fixed(float(v), 2) for v in comparison.interval[k])
     return {

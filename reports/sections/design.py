@@ -28,11 +28,12 @@ from reports.sections.plan_labels import cost
 from reports.sections.verdict import discredited
 
 
-def section(results: PlannedStudy) -> Section | None:
-    """Return the section; None if the positions come with the data."""
+def section(results: PlannedStudy) -> Section:
+    """Return the section; of measured data, the expected standard deviations alone."""
     plan, summary = results.plan, results.plan_summary
     if not isinstance(plan, DesignedPlan):
-        return None
+        shown = filled("design_measured.html.j2", summary=summary, promised=promised_table(results))
+        return Section("design", "Design", shown)
     design, robust = plan.design, plan.robust
     sensitivity = figure(
         "sensitivity",
@@ -119,10 +120,10 @@ def promised_table(results: PlannedStudy) -> Table:
     for one in results.plan_summary.promised:
         came = _std(float(std.get(one.name, float("nan"))), why.get(one.name, ""))
         rows.append((one.name, _std(one.std), came))
-    columns = [Column("parameter", code=True), *in_unit("%", "promised", "recommended")]
+    columns = [Column("parameter", code=True), *in_unit("%", "expected", "recommended")]
     caption = (
-        "Relative standard deviations: promised by the plan’s information at the values of the "
-        "robot file, and recommended after the fit."
+        "Relative standard deviations: expected by the plan’s information matrix at the values of "
+        "the robot file, and recommended after the fit."
     )
     return table("promised", caption, columns, rows)
 
@@ -138,7 +139,7 @@ def robust_table(robust: RobustDesign) -> Table:
     for k, values in enumerate(pairs):
         row = [Number("file" if not k else str(k), k)]
         rows.append([*row, *(percent_cell(float(v)) for v in values)])
-    caption = "Efficiency at each sample of the parameters, against the best design of that sample."
+    caption = "Efficiency at each parameter sample, relative to the optimal design for that sample."
     return table(
         "robust", caption, numbers("sample", "robust design [%]", "nominal design [%]"), rows
     )

@@ -48,13 +48,13 @@ def peak_table(o: Outcome, motors: tuple[str, ...]) -> Table:
         saturated = float(o.saturated[i])
         rows.append([motor, *values, percent_cell(saturated)])
     titles = [
-        *in_unit("N m", "torque predicted", "torque met"),
-        *in_unit("rad/s", "speed predicted", "speed met"),
+        *in_unit("N m", "predicted torque", "peak torque"),
+        *in_unit("rad/s", "predicted speed", "peak speed"),
         *in_unit("%", "saturated"),
     ]
     caption = (
-        "Peaks on the motor shafts: predicted by the linear model, start of each run "
-        "included, and met in the measured periods; runs in which the torque was clipped."
+        "Peaks on the motor shafts: predicted by the linear model, including the start of each "
+        "run, and simulated in the measured periods; share of runs with saturated torque."
     )
     return table("peaks", caption, [Column("motor"), *titles], rows)
 

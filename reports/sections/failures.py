@@ -10,7 +10,7 @@ from reports.page_elements import Column, Section, filled, table
 def section(failures: Sequence[Failure]) -> Section:
     """Return the section."""
     rows = [(one.name, text.sentence(one.reason)) for one in failures]
-    columns = [Column("stage"), Column("because", "words")]
+    columns = [Column("stage"), Column("reason", "words")]
     body = filled(
         "failures.html.j2", failures=table("failures-table", "What failed.", columns, rows)
     )

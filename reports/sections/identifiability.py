@@ -38,8 +38,8 @@ def direction_table(identifiability: Identifiability) -> Table:
         (_std(float(identifiability.direction_std[k])), _mixture(identifiability, int(k)))
         for k in order
     ]
-    caption = "Least certain directions of the logarithms, of unit length."
-    return table("directions", caption, [*numbers("std [%]"), Column("direction", "words")], rows)
+    caption = "Least certain linear combinations of the logarithms, of unit length."
+    return table("directions", caption, [*numbers("std [%]"), Column("combination", "words")], rows)
 
 
 def price_table(identifiability: Identifiability) -> Table:

@@ -13,6 +13,7 @@ from reports.page_elements import (
     Table,
     figure,
     filled,
+    in_unit,
     number_cell,
     numbers,
     percent_cell,
@@ -64,16 +65,16 @@ def parameter_table(results: StudyResults) -> Table:
         Column("unit", "u"),
         *numbers("std [%]", "95 % from", "to", "dof"),
         Column("verdict"),
-        *numbers("Theorem 1 [%]", "emcee [%]", "Theorem 1 / emcee"),
+        *in_unit("%", "Theorem 1", "emcee"),
         *(numbers("z") if has_truth.any() else []),
     ]
     groups: dict[str, list[tuple[Cell, ...]]] = {}
     for i, name in enumerate(results.fits.result.parameters.names):
         groups.setdefault(kind_of(name), []).append(tuple(_row(results, i, bool(has_truth.any()))))
     caption = (
-        "Recommended: estimate with one standard deviation, also as a part of it, and 95 % "
-        f"interval, by {results.trust.method}; beside them the relative standard deviations by "
-        "Theorem 1 and emcee. Struck out is what must not be quoted."
+        "Recommended: estimate with one standard deviation, absolute and relative, and 95 % "
+        f"interval, by {results.trust.method}; for comparison the relative standard deviations by "
+        "Theorem 1 and emcee. Numbers not to be quoted are struck out."
     )
     row_groups = tuple((kind, tuple(rows)) for kind, rows in groups.items())
     return Table("estimates", caption, tuple(columns), row_groups)
@@ -101,7 +102,6 @@ def _row(results: StudyResults, i: int, with_truth: bool) -> list[Cell]:
         str(one.verdict),
         percent_cell(theorem1, struck=struck),
         percent_cell(sampled, struck=struck),
-        number_cell(theorem1 / sampled, text.fixed, 2),
     ]
     return [*row, number_cell(z, text.fixed, 1)] if with_truth else row
 

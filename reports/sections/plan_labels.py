@@ -17,13 +17,13 @@ def counts(results: PlannedStudy) -> dict[str, int]:
 
 
 def cost(results: PlannedStudy) -> str:
-    """Return ``15 visits, 90 runs, 12 min 0 s``; a lower bound of the time is called so."""
+    """Return ``15 visits, 90 runs, 12 min``; a lower bound of the time is called so."""
     words = [text.plural(count, noun) for noun, count in counts(results).items()]
     return ", ".join([*words, *filter(None, [time_words(results)])])
 
 
 def time_words(results: PlannedStudy) -> str:
-    """Return ``12 min 0 s`` or ``at least 12 min 0 s`` of robot time; nothing if it is unknown."""
+    """Return ``12 min`` or ``at least 12 min`` of robot time; nothing if it is unknown."""
     time = robot_time(results)
     if time is None:
         return ""

@@ -105,11 +105,11 @@ def _shares(plan: DesignedPlan | MeasuredPlan) -> str:
     """Return what the column of shares holds, and what of it the plan leaves out."""
     weights = plan.design.weights / plan.design.weights.sum()
     omitted = len(set(plan.design.support) - set(plan.used))
-    words = "share of the experiments if they could be split at will (–: none)"
+    words = "share of the visits in the relaxed (continuous) design (–: none)"
     if not omitted:
         return words
     share = 1 - float(weights[plan.used].sum())
     return (
         f"{words}, {text.fixed(share, 4)} of which belongs to {text.plural(omitted, 'position')} "
-        "where whole experiments are better spent elsewhere"
+        "without a visit in the integer plan"
     )

@@ -50,11 +50,11 @@ def section(
 
 
 def size_words(analysis: ResidualAnalysis) -> str:
-    """Return in words how probable residuals of this size are."""
+    """Return the p-value of residuals of this size, in words."""
     first, second = (text.count(round(v)) if np.isfinite(v) else "∞" for v in analysis.dof)
     return (
-        f"if the model is right and the noise as stated, chance gives as much with a probability "
-        f"of {text.probability(analysis.p_value)} "
+        f"its p-value, if the model is right and the noise as stated, is "
+        f"{text.probability(analysis.p_value)} "
         f"({first} degrees of freedom, {second} of the noise)"
     )
 
@@ -86,17 +86,17 @@ def direction_table(trust: Trust) -> Table | None:
             )
         )
     columns = [
-        Column("direction"),
+        Column("model error"),
         *numbers("p-value", "estimate", "±"),
         Column("unit", "u"),
         *numbers("undetected shift [std]"),
         Column("of parameter", code=True),
     ]
     caption = (
-        "Errors of the model that were tested, one at a time: the estimate of each as one more "
-        "parameter, relative where no unit is given, and its probability if the model is right. "
-        "The last columns: how far such an error, just too small to be seen, may move which "
-        "parameter, in its standard deviations."
+        "Model errors tested, one at a time: the estimate of each as an additional parameter, "
+        "relative where no unit is given, and its p-value. Undetected shift: how far such an "
+        "error, just too small to be detected, can move which parameter, in its standard "
+        "deviations."
     )
     return table("directions-tested", caption, columns, rows)
 

@@ -68,9 +68,7 @@ def judged_table(validation: HeldOut) -> Table:
         *numbers("misfit per datum", "p-value", f"inside {level} regions [%]"),
         Column("verdict", "words"),
     ]
-    caption = (
-        "Predictions with the parameters’ covariance plus the noise; a misfit of 1 is expected."
-    )
+    caption = "Predictions with the covariance of the parameters and of the noise."
     return table("validation-table", caption, columns, rows)
 
 

@@ -77,7 +77,7 @@ def _outlook_words(status: CampaignStatus, outlook: Outlook) -> str:
         f"out of reach{guesses}: {minutes(outlook.needed)} more are needed at least, "
         f"{minutes(outlook.remaining)} are left, in which targets {number(float(ratio[worst]), 2)} "
         f"times as wide can be reached at best ({status.names[worst]}); allow minutes: "
-        f"{number(1.1 * total, 2)}, or ask for less"
+        f"{number(1.1 * total, 2)}, or relax the targets"
     )
 
 
@@ -118,7 +118,7 @@ def status_text(status: CampaignStatus, campaign: str) -> str:
     lines = [
         f"{status.state}: {plain(text.plural(told, 'visit'))} in {status.minutes:.1f} of "
         f"{status.budget:g} min"
-        + (f", {status.expected:.1f} min asked for" if status.expected else ""),
+        + (f", {status.expected:.1f} min requested" if status.expected else ""),
         *_remark_lines(status),
     ]
     if status.estimate is not None:

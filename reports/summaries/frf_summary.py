@@ -41,7 +41,7 @@ def frf_summary(measurement: MeasuredFrf, files: list[Path]) -> str:
     if measurement.distortion is not None:
         ratio = excess(measurement)
         if np.isfinite(ratio):
-            lines.append(("", f"variance over blocks is {number(ratio)} times that of noise alone"))
+            lines.append(("", f"variance between blocks is {number(ratio)} times that of noise"))
     lines += [("written", str(path)) for path in files]
     shown = [f"  {key:<9}{value}" for key, value in lines]
     if measurement.comparison is not None:

@@ -233,7 +233,7 @@ def _modes(d: Diagnosis) -> list[str]:
         )
     rigid, tip = len(d.rigid_squares), sum(w < -1e-3 for w in d.rigid_squares)
     which = "it" if rigid == 1 else f"{tip} of them"
-    falls = f"; gravity would tip {which} over if no motor held" if tip else ""
+    falls = f"; gravity would tip {which} over if the motors were free" if tip else ""
     return [*lines, *wrapped(f"{plural(rigid, 'rigid mode')}, one per motor{falls}")]
 
 

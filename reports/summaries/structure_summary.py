@@ -27,10 +27,10 @@ def structure_summary(structure: Structure, files: Sequence[Path]) -> str:
         for spring in choice.springs
     ]
     if springs:
-        header = ("spring", "stiffness\n[N m/rad]", "damping\n[N m s/rad]", "or, as likely")
+        header = ("spring", "stiffness\n[N m/rad]", "damping\n[N m s/rad]", "indistinguishable")
         lines += table(header, springs, right=(1, 2))
     if any(choice.twins.values()):
-        lines.append("  What stands in one row the data cannot tell apart: tie or fix all but one.")
+        lines.append("  Springs in one row are indistinguishable: tie them, or fix all but one.")
     lines += _steps(structure)
     lines += [f"  {power}" for power in structure.powers]
     scores = [score_words(score) for score in structure.scores[:SHOWN]]

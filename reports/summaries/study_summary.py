@@ -38,9 +38,7 @@ def study_summary(results: PlannedStudy, written: list[Path]) -> str:
     lines += [("FAILED", f"{one.name}: {one.reason}") for one in results.run.failures]
     lines.append(("computed", f"in {_time(results)}"))
     if results.run.loaded:
-        lines.append(
-            ("kept", f"{', '.join(results.run.loaded)} (nothing they rest on has changed)")
-        )
+        lines.append(("reused", f"{', '.join(results.run.loaded)} (inputs unchanged)"))
     printed = [results.robot.name]
     for key, value in lines:
         printed += hung(f"  {key:<9}", value, 11)
@@ -124,7 +122,7 @@ def _promise_lines(plan: PlanSummary) -> Lines:
     best, worst = plan.best, plan.worst
     largest = _percent(worst.std) if np.isfinite(worst.std) else "not at all"
     lines = [
-        ("promised", f"std best {best.name} {_percent(best.std)}, worst {worst.name} {largest}")
+        ("expected", f"std best {best.name} {_percent(best.std)}, worst {worst.name} {largest}")
     ]
     lines += [("", f"WEAK: {combination}") for combination in plan.weak[:_WEAKEST]]
     if len(plan.weak) > _WEAKEST:
@@ -141,7 +139,7 @@ def _fit_lines(fit: FitSummary) -> Lines:
         ("", f"AT A BOUND: {name}, the {side} one: its interval is one-sided")
         for name, side in fit.at_bounds.items()
     ]
-    lines.append(("", f"starts that reached the best cost: {reached_words(fit.reached)}"))
+    lines.append(("", f"searches that reached the lowest cost: {reached_words(fit.reached)}"))
     if fit.residual_probability < IMPROBABLE:
         lines.append(("", f"MISFIT: residuals {fit.residual_ratio:.3g} times what noise explains"))
     return lines

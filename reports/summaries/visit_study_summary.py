@@ -23,7 +23,7 @@ def visit_study_summary(results: VisitStudyResults, written: Sequence[Path]) -> 
     ]
     if results.spectra is not None:
         lines.append(("spectra", spectra_words(results)))
-    lines.append(("promised", promised_words(results)))
+    lines.append(("expected", promised_words(results)))
     times = zip(results.curve.times, results.curve.plans, strict=True)
     lines += [
         ("minutes", f"{number(time / 60)}: {accuracy_words(results, one.std)}")

@@ -99,7 +99,7 @@
   const FILTERED = 8; // rows from which a table can be filtered
   for (const table of all("table[data-sort]")) {
     const named = all("tbody tr:not(.group)", table);
-    if (named.length >= FILTERED) {
+    if (named.length >= FILTERED && !named[0].cells[0].classList.contains("n")) {
       const label = make("label", "Filter by name ", { class: "filter" });
       const input = make("input", "", { type: "search", size: 14 });
       label.append(input);

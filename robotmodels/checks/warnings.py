@@ -93,8 +93,8 @@ def inseparable(d: Diagnosis) -> Iterator[Suspicion]:
         yield Suspicion(
             "inseparable",
             tuple(dict.fromkeys(name for pair in pairs for name in pair.names)),
-            f"{', '.join(named)}{more} change every response in the band alike: so many times less "
-            "certain together than alone, in this position; fix one or tie them",
+            f"{', '.join(named)}{more} affect every response in the band alike; estimating "
+            "both inflates their standard deviations by that factor; fix one or tie them",
         )
 
 
@@ -111,7 +111,7 @@ def large_deflection(d: Diagnosis) -> Iterator[Suspicion]:
             yield Suspicion(
                 "large deflection",
                 (s.name,),
-                f"{s.name} gives way by {deflection}, more than {limit}",
+                f"{s.name} deflects by {deflection}, more than {limit}",
             )
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _NEVER_BEGAN = (
     "processes: they ended before they began. Each reads the script anew: what starts them must "
-    'stand under `if __name__ == "__main__":`. If it does, they were killed, perhaps for want of '
+    'stand under `if __name__ == "__main__":`. If it does, they were killed, possibly out of '
     "memory"
 )
 
@@ -35,7 +35,7 @@ class ProcessesNeverBegan(InvalidInput, BrokenProcessPool):
 class ProcessPool(Executor):
     """Processes of this machine that share work, for any `executor` argument.
 
-    When a process is killed, for want of memory or by hand, `ProcessPoolExecutor` gives up all
+    When a process is killed, out of memory or by hand, `ProcessPoolExecutor` gives up all
     that it has not finished. This one starts new processes instead and repeats what was lost;
     tasks must not mind being begun twice.
 

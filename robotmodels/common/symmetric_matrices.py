@@ -10,7 +10,7 @@ from robotmodels.common.arrays import Array
 ROUNDING = 1e-12
 """Relative eigenvalues up to this are zero: rounding leaves those of unit diagonals near 1e-15."""
 SPREAD = 1.0 / (16 * np.finfo(float).eps)
-"""Beyond this ratio of sensitivities, 2.8e14, the smaller one cannot be told from rounding."""
+"""Beyond this ratio of sensitivities, 2.8e14, the smaller one is lost in rounding."""
 
 
 def unit_diagonal_scaling(matrices: NDArray[Any], spread: float = np.inf) -> Array:

@@ -190,7 +190,7 @@ def _gives_way(
     worst = int(np.argmax(np.abs(bent[i] - start[i])[sprung]))
     torques = gravity_torques(arm, start[[i]])[0, sprung]
     return NoEquilibrium(
-        f"no static equilibrium at {labels.position(i)}: {labels.springs[worst]} gives way under a "
+        f"no static equilibrium at {labels.position(i)}: {labels.springs[worst]} yields under a "
         f"gravity {labels.load(worst, torques)}; it is too weak for the load"
     )
 

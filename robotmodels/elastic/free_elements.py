@@ -259,7 +259,7 @@ class Elements:
         slope = law(elongations)[1]
 
         def change(elements: list[int], partial: tuple[Array, Array]) -> Array:
-            # At fixed torque the elongation gives way by -torque / slope.
+            # At fixed torque the elongation deflects by -torque / slope.
             torque, direct = partial
             relative = (direct - law.stiffening(elongations) * torque / slope) / slope
             return np.asarray(relative[..., None] * self.ties[elements])

@@ -223,7 +223,7 @@ class ControllerFile(FileSection):
 
     schema_: Literal["controller/1"] = Field(alias="schema")
     sample_time: Seconds | None = Field(
-        None, description="[s], torques held over a sample; left out: continuous time"
+        None, description="[s], zero-order hold of torques; left out: continuous time"
     )
     A: Matrix = Field([], description="(h, h), of states; with B, C and D in place of motors")
     B: Matrix = Field([], description="(h, n), of motor angles [rad]")

@@ -37,7 +37,7 @@ def test_each_command_adds_its_file(steps):
 def test_each_command_keeps_what_the_last_computed(steps):
     _, said = steps
     lines = [" ".join(out.split()) for out, _ in said.values()]
-    kept = [re.search(r" kept (.*) \(nothing", line) for line in lines]
+    kept = [re.search(r" reused (.*) \(inputs", line) for line in lines]
     assert kept[0] is None
     assert kept[1][1] == "candidates, information, design"
     assert kept[2][1].endswith("fit-lls, fit-nls, result")
@@ -54,7 +54,7 @@ def test_summaries_say_what_there_is(steps):
     assert "5 visits, 10 runs, at least" in words["design"]
     assert "next     measure in position" in words["design"]
     std = r"d\d\.\w+ [\d.]+ %"
-    assert re.search(rf"promised std best {std}, worst {std}", words["design"])
+    assert re.search(rf"expected std best {std}, worst {std}", words["design"])
     assert "verdict" not in words["design"]
     for step in ("fit", "sample", "report"):
         assert "verdict  trustworthy: noise explains the residuals" in words[step]

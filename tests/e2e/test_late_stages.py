@@ -105,7 +105,7 @@ def test_an_interrupt_is_no_failure(whole, tmp_path, monkeypatch):
     path = one_less(whole, tmp_path, "profiles")
     monkeypatch.setattr(FAILING["profiles"], raising(KeyboardInterrupt()))
     code, out, err = oed("run", path, "--workers", 1)
-    assert (code, out, err) == (130, "", "interrupted; the same command goes on from here\n")
+    assert (code, out, err) == (130, "", "interrupted; run the same command again to continue\n")
 
 
 BOUND = STUDY.replace("seed: 3", "seed: 3\ntruth: truth.yaml") + "profiles: 4\n"

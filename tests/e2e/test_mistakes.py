@@ -114,7 +114,7 @@ def test_a_run_interrupted_at_once_leaves_nothing(tmp_path, monkeypatch):
     path = write_study(tmp_path)
     code, out, err = oed("run", path, "--workers", 1)
     assert (code, out) == (130, "")
-    assert err == "interrupted; the same command goes on from here\n"
+    assert err == "interrupted; run the same command again to continue\n"
     assert {p.name for p in tmp_path.iterdir()} == {"study.yaml", "robot.yaml"}
 
 
@@ -192,7 +192,7 @@ def test_an_interrupt_amid_the_sampling_ends_without_a_traceback(endless, monkey
 
     monkeypatch.setattr(LogPosterior, "__call__", interrupted)
     code, out, err = oed("run", endless, "--workers", 1)
-    assert (code, out, err) == (130, "", "interrupted; the same command goes on from here\n")
+    assert (code, out, err) == (130, "", "interrupted; run the same command again to continue\n")
     assert "posterior.part" in finished(endless)
 
 

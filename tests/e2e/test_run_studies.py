@@ -102,7 +102,7 @@ def test_nothing_is_computed_again(simulated):
     path, _, _ = simulated
     code, out, _ = oed("fit", path, "--workers", 1)
     assert code == 0
-    assert "kept     candidates, information, design, experiment, data, fit-sml, result" in out
+    assert "reused   candidates, information, design, experiment, data, fit-sml, result" in out
 
 
 def test_measured_runs_are_fitted_but_for_what_is_held_out(simulated, tmp_path):

@@ -160,8 +160,8 @@ def test_summary_fits_one_screen_and_names_the_report(small_study):
     lines = out.splitlines()
     assert len(lines) < 20
     assert str(folder / "report.html") in lines[-1]
-    assert "optimal beats" in out
-    for word in ("candidates", "gap", "efficiency", "R-hat", "ESS", "promised", "trustworthy"):
+    assert "optimal better than" in out
+    for word in ("candidates", "gap", "efficiency", "R-hat", "ESS", "expected", "trustworthy"):
         assert word in out
     assert out.isascii()
 

@@ -95,10 +95,11 @@ def test_records_are_fitted_but_for_what_is_held_out(measured):
     np.testing.assert_allclose(fitted(folder), TRUTH, rtol=0.08)
     assert "2 measured positions were not fitted" in " ".join(page.split())
     assert 'id="candidates"' not in page
+    assert "no design was computed" in " ".join(page.split())
     # Unchanged, nothing is computed again; other positions held out change what is fitted.
     code, out, _ = oed("fit", measured, "--workers", 1)
     assert code == 0
-    assert "kept     data, split, information" in out
+    assert "reused   data, split, information" in out
     share = measured.parent / "share.yaml"
     share.write_text(MEASURED.replace("positions: [1, 3]", "share: 0.2"), encoding="utf-8")
     code, out, _ = oed("fit", share, "--workers", 1)

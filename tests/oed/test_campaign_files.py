@@ -205,7 +205,7 @@ def test_the_first_visits_stay_within_the_minutes(tmp_path: Path) -> None:
 def test_limits_that_leave_nothing_to_see(tmp_path: Path) -> None:
     path = write_campaign(tmp_path, ("swing: 0.05", "swing: 1.0e-9"))
     run_open(path)
-    with pytest.raises(InvalidInput, match="are left; give limits more room, or ask for less"):
+    with pytest.raises(InvalidInput, match="are left; give limits more room, or relax the targets"):
         ask(str(path))
 
 

@@ -21,7 +21,7 @@ PLACES = np.random.default_rng(0).random((5, 2))
         (oed.exact_design(ONE, 4), r"D: 4 experiments in 4 .*, efficiency >= 0.9\d+: 1 in"),
         (oed.best_plans(ONE, 4, 2), r"2 best plans, proven, \d+ relaxed problems\n  D: .*\n  D: "),
         (oed.robust_design([ONE, OTHER]), r"keeps at each sample 0.77\d, 0.77\d\n.* 1.000, 0.3"),
-        (oed.score(ONE, [0, 1, 2]), r"deviation 0.83\d, of k2\n  one more in 21 is worth 2.79"),
+        (oed.score(ONE, [0, 1, 2]), r"deviation 0.83\d, of k2\n  one more visit to 21: 2.79"),
         (oed.next_experiments(ONE, 3, np.eye(3)), "deviation 1 before, 0.277 after"),
         (oed.experiment_curve(ONE, [2, 4]), r"2 experiments: .*\n4 experiments: .* 0.253"),
         (oed.experiments_needed(ONE, 0.1), r"\d+ experiments are needed, the most for k\d"),

@@ -59,7 +59,7 @@ def test_spectra_of_visits_are_those_of_simulated_torques(study, runs):
     simulated = np.einsum("efi,efj->fij", U, U.conj())
     scale = np.sqrt(np.einsum("fii,fjj->fij", Phi, Phi).real)
     assert np.median(np.abs(simulated - Phi) / scale) < 0.02
-    # Of one run the powers are in the ratios that were asked for, of orthogonal ones nearly so.
+    # Of one run the powers are in the ratios that were requested, of orthogonal ones nearly so.
     ratio = np.einsum("fii->fi", Phi).real / size**2
     spread = np.exp(np.std(np.log(ratio)))
     assert spread < (1 + 1e-9 if runs == 1 else 2.0)

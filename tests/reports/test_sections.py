@@ -97,9 +97,9 @@ def residual_section(found, trust):
 def test_residuals_are_stated_in_units_of_the_noise():
     found = residual_section(analysis(), trusted("trustworthy", "trustworthy"))
     assert "0.9600 times" in words(found)
-    assert "probability of 0.59 (100 degrees of freedom, ∞ of the noise)" in words(found)
-    assert "fit worse" not in words(found)
-    assert "Directions tested" not in words(found)
+    assert "is 0.59 (100 degrees of freedom, ∞ of the noise)" in words(found)
+    assert "larger residuals" not in words(found)
+    assert "Model errors tested" not in words(found)
     assert "0.80 –" in words(found)
 
 
@@ -108,7 +108,7 @@ def test_residuals_that_are_more_than_noise():
     found = residual_section(bad, trusted("model error", "model error", tests=TESTS))
     assert "9.000 times" in words(found)
     assert "< 0.0001" in words(found)
-    assert "worse than the others: 2." in words(found)
+    assert "significantly larger residuals: 2." in words(found)
 
 
 def test_directions_tested_come_strongest_first_with_what_they_may_hide():
@@ -120,8 +120,8 @@ def test_directions_tested_come_strongest_first_with_what_they_may_hide():
     assert rows[1][4] == "s"
     assert rows[1][5:] == ["12", "b.damping"]
     said = words(residual_section(analysis(), trust))
-    assert "2 single directions" in said
-    assert "all together: 1 fired" in said
+    assert "Score tests of 2 possible model errors" in said
+    assert "1 is significant" in said
     many = DirectedTests(
         tuple(f"d{i}" for i in range(200)), ("relative",) * 200, np.arange(200),
         *np.ones((2, 200)), np.linspace(0.01, 1, 200), np.zeros(200, dtype=int),
@@ -141,7 +141,7 @@ def test_cross_check_has_recommended_intervals_beside_the_others():
     said = words(found)
     assert "trustworthy for 1 parameter, not identifiable for 1 parameter." in said
     assert "Chains left out." in said
-    assert "often enough: posterior." in said
+    assert "in repeated simulations: posterior." in said
     titles = [column.title for column in cross_check.verdict_table(check).columns]
     assert titles[:4] == ["parameter", "recommended [%]", "Theorem 1 [%]", "posterior [%]"]
     assert titles[-2:] == ["Theorem 1 / posterior", "verdict"]
@@ -206,14 +206,14 @@ def test_weak_directions_are_spelt_out():
     found = identifiability(information, ("a.stiffness", "b.stiffness", "c.stiffness"))
     said = words(weak_directions.section(found))
     assert "0.71 a.stiffness + 0.71 b.stiffness" in said
-    assert "What helps." in said
+    assert "Remedy." in said
 
 
 def test_certain_directions_need_no_advice():
     found = identifiability(np.diag([1e4, 1e6]), ("a.damping", "b.damping"))
     said = words(weak_directions.section(found))
     assert "None is weak." in said
-    assert "What helps." not in said
+    assert "Remedy." not in said
 
 
 def test_tables_keep_numbers_exact_and_units_whole():

@@ -63,7 +63,9 @@ def test_a_signal_that_compiled_code_meets_ends_at_the_next_step():
     assert err.splitlines()[-1] == "KeyboardInterrupt"
 
 
-@pytest.mark.parametrize(("name", "said"), [("SIGTERM", ""), ("SIGINT", "interrupted; the same")])
+@pytest.mark.parametrize(
+    ("name", "said"), [("SIGTERM", ""), ("SIGINT", "interrupted; run the same")]
+)
 def test_a_second_signal_ends_at_once(name, said):
     code, out, err = ended(name, f"os.kill(os.getpid(), {int(getattr(signal, name))}); forever()")
     assert (code, out) == (128 + getattr(signal, name), "")

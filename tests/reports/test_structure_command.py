@@ -67,7 +67,7 @@ def test_score_tests_without_a_choice(study, monkeypatch, capsys) -> None:
     study.write_text(yaml.safe_dump(content))
     code, out, err = oed(monkeypatch, capsys, str(study), "--most", "0")
     assert code == 0, err
-    assert "0 springs added: no more than 0 were asked for" in out
+    assert "0 springs added: no more than 0 were requested" in out
     assert "arm1 67 % z" in out
     page = (study.parent / "out" / "structure.html").read_text()
     assert "Stick figure of the robot. Marked: " in page

@@ -135,8 +135,8 @@ class DesignChoice(FileSection):
         for name, about in _ABOUT_PARAMETERS.items():
             if getattr(self, name) is not None and self.tell_apart:
                 raise ValueError(
-                    f"{name} and tell_apart: {about} of the robot's parameters, and springs to "
-                    "tell apart are none of them; leave one out, or put the springs into the robot"
+                    f"{name} and tell_apart: {about} of the robot's parameters, and the springs of "
+                    "tell_apart are none of them; leave one out, or put the springs into the robot"
                 )
         return self
 

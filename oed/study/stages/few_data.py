@@ -25,7 +25,7 @@ def warn_of_few_frequencies(run: Run, omega: Array, columns: int) -> None:
     if data < parameters:
         _LOG.warning(
             "frequencies: %d of %d responses are %d real data in each position, fewer than the %d "
-            "free parameters, which only several unlike positions can tell apart; take more "
+            "free parameters, which only several different positions can distinguish; take more "
             "frequencies, or free fewer parameters",
             len(omega), responses, data, parameters,
         )  # fmt: skip

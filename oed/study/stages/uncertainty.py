@@ -30,5 +30,5 @@ def needed(covariances: Stage[Uncertainty] | None) -> Stage[Uncertainty]:
         If it could not be computed.
     """
     if covariances is None:
-        raise IdentificationError("it rests on the covariance, which could not be computed")
+        raise IdentificationError("it needs the covariance, which could not be computed")
     return covariances

@@ -1,0 +1,73 @@
+"""Check that pages, terminal, help and errors use the field's terms.
+
+Run by `make lint`. Reads the string constants of the packages and the templates of pages; a phrase
+of `PHRASES` in one of them fails, with the term to use instead.
+"""
+
+import ast
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PHRASES = {
+    r"\bcomes? out (as|with)\b": "identified, estimated",
+    r"\brivals?\b": "alternatives",
+    r"\bat will\b": "continuous (relaxed) design",
+    r"\b(is|are|be) worth\b": "relative efficiency",
+    r"\bcarry weight|carries weight\b": "non-zero weight",
+    r"\bequilibri(a|um) held\b": "equilibrium fixed",
+    r"\bfewest effective draws\b": "minimum ESS",
+    r"\bin the way\b": "reason for rejection",
+    r"\bthe ways between\b": "paths",
+    r"\bnoise alone\b|\bchance gives\b|\bnoise makes\b": "p-value, expectation",
+    r"\btorques are held\b|\btorques held\b": "zero-order hold",
+    r"\bfor want of\b": "out of",
+    r"\bgives? way\b": "deflects",
+    r"\bgoes on from\b": "continues",
+    r"\bask for less\b": "relax",
+    r"\b(tell|told) apart\b": "distinguish",
+    r"\bbeats?\b|\bbeaten\b": "is better than",
+}
+PUBLIC = re.compile(r"rivals_beaten|tell_apart|\[rival\]")
+"""Names of keys, files and extras, which stay."""
+
+
+def main() -> int:
+    """Print each phrase with its term; return 1 if there is one."""
+    lines = list(faults(ROOT))
+    print("\n".join(lines) or "no phrase that is none of the field's")
+    return bool(lines)
+
+
+def faults(root: Path) -> Iterator[str]:
+    """Yield a line for each phrase."""
+    for path in sorted(root.glob("reports/templates/*.j2")):
+        yield from _in_text(path.relative_to(root), 1, path.read_text(encoding="utf-8"))
+    for package in ("robotmodels", "estimators", "oed", "reports"):
+        for path in sorted((root / package).rglob("*.py")):
+            tree = ast.parse(path.read_text(encoding="utf-8"))
+            for line, text in _texts(tree):
+                yield from _in_text(path.relative_to(root), line, text)
+
+
+def _in_text(path: Path, line: int, text: str) -> Iterator[str]:
+    shown = PUBLIC.sub("", re.sub(r"\{\{.*?\}\}|\{%.*?%\}", "", text))
+    for phrase, term in PHRASES.items():
+        if match := re.search(phrase, shown):
+            yield f"{path}:{line}: {match[0]!r}; the field says: {term}"
+
+
+def _texts(tree: ast.AST) -> Iterator[tuple[int, str]]:
+    """Yield strings that may be printed: no docstrings but those of commands, which help shows."""
+    for node in ast.walk(tree):
+        is_docstring = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+        if is_docstring and "Example: oed" not in str(node.value.value):
+            node.value.value = ""
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value:
+            yield node.lineno, node.value
+
+
+if __name__ == "__main__":
+    sys.exit(main())
