@@ -113,7 +113,7 @@ def test_measured_runs_are_fitted_but_for_what_is_held_out(simulated, tmp_path):
     words = " ".join(page.split())
     assert "1 measured position was not fitted: outputs of runs there" in words
     assert "From measured outputs of runs in 2 positions" in words
-    assert "Outputs were weighed one by one" in words
+    assert "Outputs were weighted one by one" in words
     path.write_text(MEASURED.replace("robot.yaml", "moberg_axis1"), encoding="utf-8")
     code, _, err = oed("run", path, "--workers", 1)
     assert (code, len(err.splitlines())) == (2, 1)

@@ -67,7 +67,7 @@ def test_a_time_suffices_for_experiments_and_moves_and_orders_the_visits(tmp_pat
     assert 200 < total <= 300
     assert sorted(found.plan.order.order) == list(range(len(found.plan.used)))
     said = design.section(found).body
-    assert "numbered and visited in the order that shortens the moves" in said
+    assert "numbered in the order of visits" in said
     assert "of the 5\u202fmin 0\u202fs allowed" in said
 
 

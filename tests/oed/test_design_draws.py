@@ -125,7 +125,7 @@ def collinear(condition, seed=0):
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("criterion", ["D", oed.DsCriterion(("k2",))])
 def test_parameters_that_cannot_be_told_apart_are_refused(way, criterion):
-    said = r"not identifiable: k0, k1; all candidates together tell .* apart by less than 1/1e\+10"
+    said = r"not identifiable: k0, k1; all candidates together determine .* by less than 1/1e\+10"
     with pytest.raises(NotIdentifiable, match=said):
         oed.optimal_design(information(collinear(1e11)), criterion, solver=way[0], form=way[1])
 

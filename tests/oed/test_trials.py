@@ -182,7 +182,7 @@ def test_scatter_is_what_theorem_1_promises_and_the_better_plan_wins(axes):
         ).all()
     assert found.more_certain(1)[1] == 2
     assert found.more_certain(3) == (0, 0, 2)
-    assert "best beats 1 of 3 rivals by D, beaten by ninefold, " in str(found)
+    assert "best better than 1 of 3 alternatives by D, worse than ninefold, " in str(found)
     assert found.fixed_equilibria
 
 
@@ -197,7 +197,7 @@ def test_a_rival_that_leaves_parameters_open_is_worth_nothing():
     assert found.beaten == ("blind",)
     assert found.more_certain(1) == (2, 2, 0)
     assert isinstance(blind, oed.UnidentifiedPlan)
-    assert "blind        leaves open k2" in str(found)
+    assert "blind        does not identify k2" in str(found)
     plans = {"blind": plans["blind"]}
     with pytest.raises(NotIdentifiable, match="k2; blind: measure elsewhere"):
         oed.compare_plans(TwoAxes(), info, info.positions, plans, OMEGA, NOISE, rng=rng, runs=6)
