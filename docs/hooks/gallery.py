@@ -57,6 +57,8 @@ def pictures(notebook: Any) -> dict[str, bytes]:
         if "picture" in cell.metadata:
             outputs = (one["data"] for one in cell.get("outputs", ()) if "data" in one)
             found = [data["image/png"] for data in outputs if "image/png" in data]
+            if cell.get("execution_count") and not found:
+                raise ValueError(f"picture {cell.metadata['picture']}: its cell draws nothing")
             drawn[cell.metadata["picture"]] = base64.b64decode(found[0]) if found else BLANK
     return drawn
 
@@ -72,7 +74,10 @@ def executed(script: Path) -> Any:
         with tempfile.TemporaryDirectory(dir=_folder(ROOT / ".cache" / "run")) as folder:
             where = {"metadata": {"path": folder}}
             client = NotebookClient(notebook, timeout=600, resources=where)
+            # Figures that no pyplot made are shown from then on, too.
+            notebook.cells.insert(0, nbformat.v4.new_code_cell("%matplotlib inline"))
             client.execute(env=_environment(), stderr=subprocess.DEVNULL)
+        del notebook.cells[0]
         for old in _folder(CACHE).glob(f"{script.stem}-*.ipynb"):
             old.unlink()
         nbformat.write(notebook, stored)

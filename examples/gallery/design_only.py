@@ -9,6 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import oed
+import reports
 import robotmodels
 
 robot = robotmodels.load_robot("ur10")
@@ -29,22 +30,7 @@ print(plan)
 # bounds by how much that is missed, over all candidates.
 
 # %% picture="design_map"
-figure, axes = plt.subplots(figsize=(7, 4))
-shoulder, elbow = np.degrees(positions[:, 1:3]).T
-shift = np.random.default_rng(0).uniform(-6, 6, (2, len(positions)))  # many share these two angles
-dots = axes.scatter(shoulder + shift[0], elbow + shift[1], c=design.sensitivity, s=14)
-axes.scatter(
-    (shoulder + shift[0])[plan.support],
-    (elbow + shift[1])[plan.support],
-    s=60 * plan.repetitions[plan.support] + 40,
-    facecolors="none",
-    edgecolors="crimson",
-    label="in the plan",
-)
-axes.set(xlabel="shoulder lift [deg]", ylabel="elbow [deg]")
-axes.legend()
-figure.colorbar(dots, label="sensitivity function [-]")
-plt.show()
+reports.plots.design_map(positions, design, (1, 2), plan=plan, names=robot.motor_joints)
 
 # %% [markdown]
 # ## How many experiments?

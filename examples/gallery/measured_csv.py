@@ -12,6 +12,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import estimators
+import reports
 import robotmodels
 
 truth = robotmodels.load_robot("manutec_r3")
@@ -54,6 +55,13 @@ panels[0].set(ylabel="|G| [rad/s² per N m]")
 panels[0].legend()
 figure.tight_layout()
 plt.show()
+
+# %% [markdown]
+# Residuals over their standard deviations are about one everywhere, if the model is right. The figures of
+# the report are functions, too:
+
+# %% picture="residuals"
+reports.plots.residuals(fit)
 
 # %% [markdown]
 # Positions that were not fitted are the hardest judge: here a fit of the first position alone predicts

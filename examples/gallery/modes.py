@@ -34,8 +34,8 @@ for mode in range(3):
             axes.add_collection3d(
                 Poly3DCollection(corners, facecolors=colour, alpha=alpha, shade=True)
             )
-    axes.set(xlim=(-0.2, 1.0), ylim=(-0.5, 0.7), zlim=(-0.1, 1.1))
-    axes.set_box_aspect((1, 1, 1), zoom=1.7)
+    axes.set(xlim=(-0.1, 1.1), ylim=(-0.5, 0.7), zlim=(-0.1, 1.1))
+    axes.set_box_aspect((1, 1, 1), zoom=1.6)
     axes.view_init(18, -60)
     axes.set_axis_off()
     axes.set_title(f"{modes.frequencies[mode] / (2 * np.pi):.1f} Hz", y=0.95)

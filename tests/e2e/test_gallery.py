@@ -37,6 +37,10 @@ def test_a_script_is_run_once_until_it_changes(gallery, tmp_path, monkeypatch):
     assert picture.startswith(b"\x89PNG")
     assert len(picture) > 1000
 
+    notebook.cells[2].outputs = []
+    with pytest.raises(ValueError, match="picture line: its cell draws nothing"):
+        gallery.pictures(notebook)
+
     with monkeypatch.context() as patch:
         patch.setattr(gallery, "NotebookClient", None)  # nothing is run
         assert gallery.pictures(gallery.executed(script))["line"] == picture
