@@ -207,7 +207,7 @@ def _dotted(location: tuple[str | int, ...]) -> str:
 
 
 # What pydantic adds to the place of an error to tell the members of a union apart.
-_TYPES = ("literal[", "float", "constrained-float", "list[", "tuple[")
+_TYPES = ("literal[", "float", "constrained-float", "list[", "tuple[", "function-")
 
 
 def _schema_keys(schema: type[BaseModel], location: tuple[str | int, ...]) -> list[str]:

@@ -136,7 +136,7 @@ def test_structure_files_that_are_none_are_refused(tmp_path):
         "same.yaml": "no spring that the study's robot has not",
         "fewer.yaml": "no spring 'g1'",
         "moberg_axis1": "motors of another robot",
-        "absent.yaml": "absent.yaml: no such file",
+        "absent.yaml": r"design\.tell_apart: .*absent.yaml: no such file",
     }.items():
         with pytest.raises(InvalidInput, match=message):
             _design(tmp_path, tell_apart=[file])
@@ -153,6 +153,19 @@ def test_structure_files_that_are_none_are_refused(tmp_path):
 def test_what_does_not_fit_together_is_refused(tmp_path, design, message):
     with pytest.raises(InvalidInput, match=message):
         _design(tmp_path / "a", tell_apart=_springs(SPRING), **design)
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        (3, r"design\.tell_apart\[0\]: a mapping of keys to values is needed, found 3"),
+        ({"name": "a"}, r"missing key 'design\.tell_apart\[0\]\.axis' of 'a'"),
+        ({"name": "a", "stifness": 1.0}, r"unknown key 'design\.tell_apart\[0\]\.stifness' of 'a'"),
+    ],
+)
+def test_entries_that_are_no_springs_are_named(entry, message, tmp_path):
+    with pytest.raises(InvalidInput, match=message):
+        _design(tmp_path, tell_apart=[entry])
 
 
 def test_a_spring_that_the_robot_has_is_refused(tmp_path):

@@ -54,7 +54,8 @@ def spring_position(spring: Spring) -> tuple[object, str]:
 
 def _added(robot: ElasticRobot, file: str) -> tuple[Spring, ...]:
     """Return the springs of a structure file that the robot has not."""
-    other = load_robot(file)
+    with naming("design.tell_apart"):
+        other = load_robot(file)
     if other.motor_names != robot.motor_names:
         raise InvalidInput(f"design.tell_apart: {file}: motors of another robot than the study's")
     springs, present = other.file.springs, {spring_position(s): s for s in robot.file.springs}
