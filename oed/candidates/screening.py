@@ -123,7 +123,7 @@ def screened_candidates(
             f"{summary}; most often {worst.reason}, {worst.what} ({worst.count}){units}"
         )
     return ScreenedCandidates(
-        positions=read_only(positions[screen.remaining]),
+        positions=read_only(screen.of(positions)),
         indices=read_only(screen.remaining),
         proposed=len(positions),
         removed=screen.removed,
@@ -179,6 +179,11 @@ class _Screen:
     removed: dict[str, int] = field(default_factory=dict)
     removals: list[Removal] = field(default_factory=list)
 
+    def of(self, positions: Array) -> Array:
+        """Return the positions (Q, n) that remain."""
+        whole = len(self.remaining) == len(positions)
+        return positions if whole else positions[self.remaining]
+
     def remove(self, reason: str, whats: Sequence[str], wrong: BoolArray) -> None:
         """Remove the remaining positions with any True in their row of (remaining, whats)."""
         removed = wrong.any(axis=1)
@@ -213,19 +218,19 @@ def _screened(
     """Return the positions that remain after all checks."""
     screen = _Screen(np.arange(len(positions)))
     low, high = robot.position_limits.T
-    angles = positions[screen.remaining]
+    angles = screen.of(positions)
     inside = (angles >= low - _SLACK) & (angles <= high + _SLACK)
     screen.remove("joint limits", [f"joint {joint!r}" for joint in robot.motor_joints], ~inside)
-    repeated = repeated_positions(positions[screen.remaining], robot.turning)
+    repeated = repeated_positions(screen.of(positions), robot.turning)
     screen.remove("duplicate", ["an earlier position, whole turns aside"], repeated[:, None])
     if torque_limits is not None:
         limits = _torque_limits(torque_limits, robot.motor_names)
-        torques = np.abs(holding_torques(robot, unloaded(robot, positions[screen.remaining])))
+        torques = np.abs(holding_torques(robot, unloaded(robot, screen.of(positions))))
         screen.remove(
             "holding torque", [f"motor {m!r}" for m in robot.motor_names], torques > limits
         )
     if surroundings is not None:
-        touching = surroundings.touching(positions[screen.remaining], progress, executor)
+        touching = surroundings.touching(screen.of(positions), progress, executor)
         screen.remove_pairs(surroundings, touching)
     return screen
 

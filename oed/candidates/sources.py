@@ -277,7 +277,7 @@ def gathered_candidates(
     parts += [_by_hand(listed, robot)] if len(listed) else []
     screened = screened_candidates(
         robot,
-        np.concatenate(parts),
+        parts.pop() if len(parts) == 1 else np.concatenate(parts),
         cell.surroundings(robot),
         torque_limits=cell.torque_limits,
         progress=progress,

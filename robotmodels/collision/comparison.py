@@ -89,7 +89,9 @@ class Comparison:
         groups: dict[tuple[int, ...], list[int]] = defaultdict(list)
         for k, pair in enumerate(self.pairs):
             groups[self._deciding(pair)].append(k)
-        codes = [np.unique(column, return_inverse=True)[1] for column in positions.T]
+        codes = [
+            np.unique(column, return_inverse=True)[1].astype(np.int32) for column in positions.T
+        ]
         everywhere: list[int] = []
         for columns, members in groups.items():
             combinations = distinct_rows([codes[j] for j in columns], len(positions))

@@ -233,7 +233,9 @@ def equal_rows(columns: Iterable[Array], tolerance: float) -> IntArray:
     return group
 
 
-def distinct_rows(columns: Sequence[IntArray], count: int) -> tuple[IntArray, IntArray] | None:
+def distinct_rows(
+    columns: Sequence[NDArray[np.integer]], count: int
+) -> tuple[IntArray, IntArray] | None:
     """Return an index of each distinct row of columns (count,), and which of them each row is.
 
     None where more than half as many rows are distinct. Values are whole numbers from 0.

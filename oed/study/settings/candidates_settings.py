@@ -32,7 +32,7 @@ from oed.experiment.workcell_settings import WorkcellChoice
 from robotmodels.common.yaml_files import FileSection
 from robotmodels.description.ranges import Coordinate, JointLimit, Positive, Vector
 
-MOST_CANDIDATES = 5_000_000
+MOST_CANDIDATES = 10_000_000
 """Their positions stay in memory: 240 MB of six joints."""
 
 Points = Annotated[int, Field(ge=1, le=MOST_CANDIDATES)]
