@@ -8,16 +8,17 @@ from numpy.typing import NDArray
 
 from estimators import (
     FrfBand,
+    FrfEstimate,
     Uncertainty,
     best_additions,
     covariance,
+    information as frf_information,
     predict_frf,
     recommended_uncertainty,
 )
 from oed import information
 from oed.candidates.screening import reasons
 from oed.candidates.sources import Workcell
-from oed.study.parts import DesignedPlan
 from oed.study.results import FittedStudy, PlannedStudy
 from oed.study.stages.candidates import workcell
 from oed.study.stages.run import frequency_grid
@@ -31,6 +32,7 @@ from robotmodels import (
     frequency_response,
     linearize,
     resonances,
+    sensitivity,
     tool_frame,
     with_values,
 )
@@ -234,30 +236,43 @@ class View:
         return reasons(self.robot, position, self.surroundings, torque_limits=torque)
 
     def gain(self, position: Array) -> Gain | None:
-        """Return what one more visit to a position (n,) would add; None without a noise law."""
-        if self.study is None or not isinstance(self.study.plan, DesignedPlan):
+        """Return what one more visit to a position (n,) would add; None where that is not known.
+
+        Its noise is that of the study's law or, of measured FRFs, their mean over the positions.
+        """
+        visit = None if self.study is None else _information(self.study, position[None])
+        if self.study is None or visit is None:
             return None
-        plan, settings = self.study.plan, self.study.study
-        assert settings.frequencies is not None
-        assert settings.noise is not None
-        noise = RelativeNoise(
-            relative=settings.noise.relative,
-            floor=settings.noise.floor,
-            by_output=len(set(self.robot.output_units)) > 1,
-        )
-        omega, robot = frequency_grid(settings.frequencies), self.study.robot
-        run = information(robot, position[None], omega, noise)
-        visit = plan.visit_share * run.matrices
-        scaled = plan.promise.singular_values[:, None] * plan.promise.directions
-        additions = best_additions(scaled.T @ scaled, visit, plan.promise.names)
-        ratio = plan.promise.std / additions.std[0]
+        promise = self.study.plan.promise
+        scaled = promise.singular_values[:, None] * promise.directions
+        additions = best_additions(scaled.T @ scaled, visit, promise.names)
+        ratio = promise.std / additions.std[0]
         most = int(np.argmax(ratio))
         return Gain(
             float(additions.gain[0]),
-            plan.promise.names[most],
-            float(plan.promise.std[most]),
+            promise.names[most],
+            float(promise.std[most]),
             float(additions.std[0, most]),
         )
+
+
+def _information(results: PlannedStudy, position: Array) -> Array | None:
+    """Return the information of a visit to a position (1, n), (1, p, p); None without its noise."""
+    robot, plan, study = results.robot, results.plan, results.study
+    if study.frequencies is not None and study.noise is not None:
+        noise = RelativeNoise(
+            relative=study.noise.relative,
+            floor=study.noise.floor,
+            by_output=len(set(robot.output_units)) > 1,
+        )
+        omega = frequency_grid(study.frequencies)
+        return plan.visit_share * information(robot, position, omega, noise).matrices
+    data = results.data.estimate if isinstance(results, FittedStudy) else None
+    if not isinstance(data, FrfEstimate):
+        return None
+    variance = (data.variance * data.repetitions[:, None, None, None]).mean(axis=0)
+    slopes = sensitivity(robot, position, data.omega)[1]
+    return frf_information(slopes, 1 / variance[None])
 
 
 def _lines(low: float, high: float) -> Array:

@@ -12,9 +12,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from browser import chromium
-from conftest import oed
+from conftest import oed, write_study
 
 import oed as what_to_measure
+from estimators import FrfEstimate, best_additions, write_frf
 from oed.study.pipeline import design_study, fit_study
 from oed.study.settings.study_file import load_study
 from reports.commands import view as command
@@ -62,6 +63,39 @@ def test_a_visit_more_gains_what_the_score_of_the_plan_says(planned):
         # The score's is that of det^(1/p) of the information, of variances thus.
         assert gain.factor**2 == pytest.approx(one.gain, rel=1e-6)
         assert gain.after < gain.before
+
+
+def test_a_visit_more_of_measured_data_has_their_mean_noise(tmp_path):
+    robot = load_robot(str(write_study(tmp_path).parent / "robot.yaml"))
+    positions = np.array([[-1.6, 1.0], [-0.8, -1.2], [-2.0, 0.3]])
+    omega = 2 * np.pi * np.geomspace(3, 60, 12)
+    response = frequency_response(robot, positions, omega)
+    errors = np.random.default_rng(2).normal(size=(2, *response.shape))
+    data = FrfEstimate(
+        positions=positions,
+        omega=omega,
+        response=response + 20 * (errors[0] + 1j * errors[1]) / np.sqrt(2),
+        covariance=np.full(response.shape, 400.0),
+        repetitions=np.ones(3, dtype=int),
+    )
+    write_frf(tmp_path / "frf.h5", data)
+    (tmp_path / "measured.yaml").write_text(MEASURED)
+    view = View.of_study(fit_study(load_study(tmp_path / "measured.yaml")))
+    plan = view.study.plan
+    total = plan.information.matrices.sum(axis=0)
+    alone = best_additions(total, plan.information.matrices, plan.information.names)
+    for i in range(3):
+        gain = view.gain(plan.information.positions[i])
+        assert gain.factor == pytest.approx(alone.gain[i], rel=1e-6)
+
+
+MEASURED = """\
+schema: study/1
+robot: robot.yaml
+data: {frf: frf.h5}
+fit: {residuals: [nls], decades: 0.1, starts: 1}
+output: measured
+"""
 
 
 def test_frf_and_band_are_those_of_the_model(planned, fitted):
