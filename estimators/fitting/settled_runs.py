@@ -31,6 +31,8 @@ _COARSE = 1e-5
 """Relative change of costs at which fits in between end."""
 _SETTLED = 1e-2
 """Relative change of values, of which a hundredth is left in friction's course."""
+_NEAR = 0.1
+"""Relative change of values from which friction is predicted where motors stop."""
 
 
 def settled_runs(
@@ -72,16 +74,18 @@ def settled_runs(
         As `run_spectra` and `fit`.
     """
     values = model.parameters.values if start is None else start
-    data = runs_at(model, records, values, noise, friction=friction, **choice)
+    data = runs_at(model, records, values, noise, friction=friction, near=False, **choice)
     if data.coulomb is None and not data.silent:
         return data
+    near = data.coulomb is None
     # Near first, with friction of the levels there are, which is compiled; then both together.
     result = fit(model, replace(data, coulomb=None), start=values, prior=prior)
     for _ in range(_MOST):
         change = np.abs(np.log(result.parameters.values / values)).max()
-        values = result.parameters.values
-        data = runs_at(model, records, values, noise, friction=friction, **choice)
-        if change <= _SETTLED:
+        values, settled = result.parameters.values, near and change <= _SETTLED
+        near = near or change <= _NEAR
+        data = runs_at(model, records, values, noise, friction=friction, near=near, **choice)
+        if settled:
             return data
         result = fit(model, data, start=values, prior=prior, tolerance=_COARSE)
     warnings.warn(
@@ -174,16 +178,20 @@ def runs_at(
     noise: Noise = "auto",
     *,
     friction: bool = True,
+    near: bool = True,
     **choice: Any,
 ) -> RunSpectra:
     """Return spectra of runs whose noise and friction are what `values` (p,) leave to them.
 
-    Other parameters, and errors, as of `settled_runs`.
+    `near` is as in `run_spectra`; other parameters, and errors, as of `settled_runs`.
     """
     parts = [records] if isinstance(records, Records) else records
     rubbing = model if friction else None
     data = RunSpectra.join(
-        [run_spectra(part, noise, friction=rubbing, values=values, **choice) for part in parts]
+        [
+            run_spectra(part, noise, friction=rubbing, values=values, near=near, **choice)
+            for part in parts
+        ]
     )
     if data.coulomb is not None:
         part = run_problem(model, data).errors(values).eliminated

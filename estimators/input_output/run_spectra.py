@@ -235,6 +235,7 @@ def run_spectra(
     weak: bool = False,
     friction: Elastic | None = None,
     values: Array | None = None,
+    near: bool = True,
 ) -> RunSpectra:
     """Return the spectra of runs with the covariance of their errors.
 
@@ -274,6 +275,8 @@ def run_spectra(
         each position, see `friction_shares` and `settled_runs`; else friction counts as noise.
     values : ndarray, (p,), SI, optional
         Parameters of `friction`; by default its own.
+    near : bool
+        Whether these values are near, see `friction_shares`.
 
     Raises
     ------
@@ -289,7 +292,7 @@ def run_spectra(
     def reader(part: Records) -> Callable[..., Spectra]:
         if friction is None:
             return read
-        shares = friction_shares(part, friction, values, delay, hold=hold)
+        shares = friction_shares(part, friction, values, delay, hold=hold, near=near)
         return partial(
             _with_shares, read, shares, torque_channels(friction, part.positions[0], values, delay)
         )

@@ -76,6 +76,8 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
         linearise_gears(plant, state)
     steps = substeps(plant, robot.file, state, controller.sample_time)
     n = len(hold)
+    if flaws.friction and any(m.coulomb and not m.coulomb_width for m in robot.file.motors):
+        steps = max(steps, _STICKING)
     state = open_gears(plant, state, flaws.per_motor("backlash", n))
     engine = _mujoco_state(plant)
     drives = _drives(plant, robot, state, flaws, controller.sample_time)
@@ -215,6 +217,12 @@ def _brakes(
 
 
 _SAFETY = 1.15  # of poles, for positions nearby
+_STICKING = 4
+"""Steps per sample at least with sharp friction, whose torque is constant over a step.
+
+Where light motors of wrists stop, one step a sample makes their springs seem 0.2 to 0.5 % softer;
+more than four change 0.03 %.
+"""
 
 
 def static_state(
