@@ -34,6 +34,9 @@ MOTIONS: dict[Motion, str] = {
 }
 """What the response to a force is called by the motion."""
 
+_ROUNDING = 1e-13
+"""Of compliances, beside the largest one: directions in which nothing gives way."""
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -229,4 +232,5 @@ class ComplianceEllipsoid:
 def compliance_ellipsoid(compliance: Array) -> ComplianceEllipsoid:
     """Return the ellipsoid of displacements under unit forces of compliances (..., 6, 6)."""
     values, vectors = np.linalg.eigh(np.asarray(compliance)[..., :3, :3])
+    values = np.where(values > _ROUNDING * values[..., -1:], values, 0.0)
     return ComplianceEllipsoid(values[..., ::-1], vectors[..., ::-1])
