@@ -52,6 +52,7 @@ bench: $(VENV)/installed
 	$(BIN)/python benchmarks/design.py
 	$(BIN)/python benchmarks/experiments.py
 	$(BIN)/python benchmarks/chains.py
+	$(BIN)/python benchmarks/pages.py
 
 # Oldest and newest libraries, each Python at hand, the wheel outside the repository (half an hour).
 versions: .tools/installed

@@ -3,7 +3,7 @@
 They are the drawings of the pages, in the pages' light colours.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -15,6 +15,7 @@ from oed import Design, ExactDesign, ExperimentCurve, TimeCurve
 from reports.figures import (
     bode,
     design_map as maps,
+    excitation_figures,
     mode_figures,
     plan_figures,
     posterior_figures,
@@ -24,7 +25,7 @@ from reports.figures import (
 )
 from reports.figures.response_data import between
 from reports.figures.svg import in_light
-from robotmodels import ElasticRobot, InvalidInput, frequency_response
+from robotmodels import ElasticRobot, InvalidInput, Records, frequency_response
 from robotmodels.common.arrays import Array
 
 _SHOWN = 6  # parameters of a corner plot
@@ -207,6 +208,44 @@ def correlation(uncertainty: Uncertainty) -> Figure:
     """Return the correlations of all parameters."""
     drawing = uncertainty_figures.correlation_map(uncertainty.names, uncertainty.correlation)
     return in_light(drawing)
+
+
+def excitation(
+    records: Records,
+    motors: Sequence[str] | None = None,
+    limits: Mapping[str, Array] | None = None,
+    *,
+    position: int = 0,
+    block: int = 0,
+    run: int = 0,
+) -> Figure:
+    """Return torque, speed and angle of a run in time against limits, spectra and crest factors.
+
+    Parameters
+    ----------
+    records : Records
+        Measured or simulated runs whose first outputs are the motors' angles.
+    motors : sequence of str, optional
+        Names of the motors.
+    limits : mapping of str to ndarray, (n,), optional
+        Limits on the motor shafts: "torque" [N m], "speed" [rad/s], "swing" of the angle [rad].
+    position, block, run : int
+        Which run.
+
+    Raises
+    ------
+    InvalidInput
+        If there is no such run.
+    """
+    shape = records.torque.shape
+    for name, index, count in zip(
+        ("position", "block", "run"), (position, block, run), shape, strict=False
+    ):
+        if not 0 <= index < count:
+            raise InvalidInput(f"{name}: {index}; 0 to {count - 1} are in the records")
+    names = motors or [f"motor {j + 1}" for j in range(shape[-1])]
+    shown = excitation_figures.run_of(records, position, block, run)
+    return in_light(excitation_figures.excitation(shown, names, limits or {}))
 
 
 def modes(prediction: ToolPrediction) -> Figure:

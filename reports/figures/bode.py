@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from reports.figures.response_panels import unbroken
-from reports.figures.study_figures import Drawing
+from reports.figures.study_figures import Drawing, plain_logarithm
 from reports.figures.svg import Palette
 from robotmodels.common.arrays import Array, ComplexArray
 
@@ -68,9 +68,10 @@ def _measured(
     phase.plot(hertz, np.degrees(np.angle(response)), ".", color=palette.accent, ms=2)
     level.set(xscale="log", yscale="log")
     phase.set(ylim=(-185, 185), yticks=(-180, 0, 180))
-    phase.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    phase.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
-    phase.xaxis.set_minor_formatter(NullFormatter())
+    plain_logarithm(phase.xaxis)
+    level.yaxis.set_major_locator(LogLocator(numticks=4))
+    level.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
+    level.yaxis.set_minor_formatter(NullFormatter())
 
 
 def _modelled(

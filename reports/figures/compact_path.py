@@ -7,7 +7,7 @@ from matplotlib.path import Path
 
 from robotmodels.common.arrays import Array
 
-_TOLERANCE, _OF_BAND = 1.0, 2.0  # distance of a left-out point from its line [units]
+_TOLERANCE, _OF_BAND = 1.0, 3.0  # distance of a left-out point from its line [units]
 
 
 def line(x: Array, y: Array, width: float, height: float) -> Path:

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, MaxNLocator
+from matplotlib.ticker import MaxNLocator
 
-from reports.figures.study_figures import Drawing
+from reports.figures.study_figures import Drawing, plain_logarithm
 from reports.figures.svg import Palette
 from robotmodels.common.arrays import Array, IntArray
 
@@ -70,4 +70,4 @@ def _accuracy(
         axes.plot(cost, gaps, "o-", color=colour, ms=3, lw=1.3, label=words)
     axes.set(yscale="log", ylabel="std [%]")
     axes.legend()
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
+    plain_logarithm(axes.yaxis)

@@ -2,10 +2,10 @@
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import MaxNLocator
 
 from reports.figures.cells import shade_cells
-from reports.figures.study_figures import Drawing
+from reports.figures.study_figures import Drawing, plain_logarithm
 from reports.figures.svg import Palette
 from robotmodels.common.arrays import Array, IntArray
 
@@ -41,9 +41,7 @@ def residual_map(standardised: Array, omega: Array) -> Drawing:
         shade_cells(axes, ends, np.arange(rows + 1.0) + 0.5, np.digitize(cells, _SHADES), styles)
         axes.set(xlim=(ends[0], ends[-1]), ylim=(rows + 0.5, 0.5), xscale="log")
         axes.set(xlabel="frequency [Hz]", ylabel="position")
-        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
-        axes.xaxis.set_minor_formatter(NullFormatter())
+        plain_logarithm(axes.xaxis)
         axes.yaxis.set_major_locator(MaxNLocator(12, integer=True))
         return figure
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
@@ -109,6 +110,13 @@ def calibration(levels: Array, coverages: Sequence[Array], labels: Sequence[str]
         return figure
 
     return draw
+
+
+def plain_logarithm(axis: Axis) -> None:
+    """Write a logarithmic axis in plain figures, at 1, 2 and 5 of each decade."""
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def _single(palette: Palette, width: float, height: float) -> tuple[Figure, Axes]:

@@ -4,22 +4,29 @@ import numpy as np
 
 from estimators.frf.distortion import Distortion
 from estimators.frf.frf_estimate import FrfEstimate
+from oed.experiment.loop_settings import per_motor
 from oed.experiment.run_experiment import Outcome
 from oed.study.parts import SimulatedData
 from oed.study.results import StudyResults
+from oed.study.stages.experiment import SimulatedExperiment
 from reports import text
+from reports.figures import excitation_figures
+from reports.figures.excitation_figures import run_of
 from reports.page_elements import (
     Cell,
     Column,
+    Figure,
     Number,
     Section,
     Table,
+    figure,
     filled,
     in_unit,
     percent_cell,
     table,
 )
 from robotmodels.common.arrays import Array
+from robotmodels.records.records import iterate_records
 
 
 def section(results: StudyResults) -> Section | None:
@@ -35,8 +42,31 @@ def section(results: StudyResults) -> Section | None:
         warnings=data.warnings,
         peaks=None if experiment is None else peak_table(experiment.outcome, motors),
         levels=None if data.distortion is None else level_table(data.distortion, data.frf, outputs),
+        excitation=excitation(results, experiment),
     )
     return Section("experiment", "Experiments", body)
+
+
+def excitation(results: StudyResults, experiment: SimulatedExperiment | None) -> Figure | None:
+    """Return the first run of the first visit against its limits; none without its records."""
+    settings = results.study.data.experiment
+    if experiment is None or settings is None or not experiment.records.exists():
+        return None
+    records = next(iterate_records(experiment.records))
+    if records.angle.shape[-1] < len(results.robot.motor_names) or (records.derivatives != 2).any():
+        return None
+    limits = {
+        name: per_motor(name, value, results.robot.motor_names)
+        for name in ("torque", "speed", "swing")
+        if (value := getattr(settings.limits, name)) is not None
+    }
+    if "swing" in limits:  # of the arm side; angles are those of the shafts
+        limits["swing"] = limits["swing"] * np.array(
+            [m.gear_ratio for m in results.robot.file.motors]
+        )
+    drawing = excitation_figures.excitation(run_of(records), results.robot.motor_names, limits)
+    alt = "Torque, speed and angle of each motor in time, and the spectrum of its torque"
+    return figure("excitation", drawing, alt, wide=True)
 
 
 def peak_table(o: Outcome, motors: tuple[str, ...]) -> Table:
