@@ -174,7 +174,7 @@ class _Choice:
         table = self.refits.scores(self.fit)
         firing = [score for score in table.significant(self.level) if score.fall > 0]
         if not firing:
-            return f"no score test of a spring fires at {100 * self.level:g} % over all"
+            return f"no score test of a spring is significant at {100 * self.level:g} %"
         for first in range(0, min(len(firing), 3 * SHORTLIST), SHORTLIST):
             best = self.refits.best(self.fit, self.added, firing[first : first + SHORTLIST])
             if best is not None:

@@ -123,7 +123,7 @@ class ScoreTable(ReprHtml, Sequence[Score]):
 
     def __str__(self) -> str:
         firing = self.significant()
-        head = f"{len(self)} score tests, {len(firing)} fire at 5 % over all"
+        head = f"{len(self)} score tests, {len(firing)} significant at 5 % (family-wise)"
         return "\n".join([head, *(f"  {score}" for score in self.scores[: max(len(firing), 5)])])
 
 

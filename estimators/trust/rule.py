@@ -213,8 +213,9 @@ def _named(e: Evidence, i: int) -> str:
             f"would explain the residuals (p = {tests.probabilities[j]:.1g})"
         )
     return (
-        f"{len(tests.significant(LEVEL))} of {len(tests.names)} directed tests fire, the strongest "
-        f"along {tests.names[i]} (p = {tests.probabilities[i]:.1g}); none alone explains the rest"
+        f"{len(tests.significant(LEVEL))} of {len(tests.names)} score tests are significant, the "
+        f"strongest along {tests.names[i]} (p = {tests.probabilities[i]:.1g}); none alone "
+        "explains the others"
     )
 
 

@@ -67,7 +67,7 @@ def gain_table(results: ChainStudyResults) -> Table:
         if cells:
             groups.append((title, tuple(cells)))
     caption = "Gains read off the responses [1/kg], other chains held at low frequency."
-    columns = [Column(""), *numbers(*_paper_column(results), "found", "simulated")]
+    columns = [Column("of"), *numbers(*_paper_column(results), "found", "simulated")]
     return Table("gain-table", caption, tuple(columns), tuple(groups))
 
 
@@ -82,7 +82,7 @@ def step_table(results: ChainStudyResults) -> Table:
             row.append(_five_digits(getattr(one.step, name)))
         rows.append(row)
     caption = "First step of the Lanczos algorithm [1/s²]."
-    return table("step-table", caption, _columns(results, "", names), rows)
+    return table("step-table", caption, _columns(results, "element", names), rows)
 
 
 def vector_table(results: ChainStudyResults) -> Table:

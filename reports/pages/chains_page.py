@@ -51,14 +51,15 @@ def chains_banner(shown: MeasuredChains) -> Markup:
     """Return the verdict on identified chains."""
     verdict = verdict_of(shown)
     quotable = verdict.gives_interval
+    may = "these numbers may be quoted" if quotable else "do not quote these numbers"
     return page_banner(
-        text.sentence(str(verdict)),
+        f"{text.sentence(str(verdict))}: {may}",
         KINDS.get(verdict, "refused"),
         text.typeset(text.sentence(verdict.reason)),
         quote=f"Quote the recommended intervals ({method_of(shown)})."
         if quotable
         else "Quote no number of this page.",
-        next_step="" if quotable else _CHAINS_STEP,
+        next_step="nothing" if quotable else _CHAINS_STEP,
     )
 
 

@@ -50,8 +50,8 @@ def write_frf_page(
             kind="measured frequency responses",
             kicker="Measured frequency responses of an elastic robot",
             lead=(
-                "From motor torque to motor acceleration, and how much of what remains unexplained "
-                "is noise and how much distortion."
+                "From motor torque to motor acceleration, with standard deviations by noise and "
+                "distortion."
             ),
             sections=frf_sections(measurement, source, progress),
             banner=_banner(measurement),
@@ -62,7 +62,7 @@ def write_frf_page(
 def _banner(measurement: MeasuredFrf) -> Markup:
     """Return how good the FRFs are, and what would make them better."""
     std = text.percent(float(np.median(relative_std(measurement))))
-    verdict = f"Frequency responses to {std}, one standard deviation, in the median"
+    verdict = f"Median standard deviation of the frequency responses: {std}"
     warnings, ratio = measurement.warnings, excess(measurement)
     reason = text.sentence(warnings[0]) if warnings else "No warning"
     step = "fit them: oed identify, or a study with data.frf"

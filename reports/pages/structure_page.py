@@ -96,7 +96,7 @@ def spring_table(structure: Structure) -> Table:
 def step_table(structure: Structure) -> Table:
     """Return the steps of the choice."""
     choice, misfits = structure.choice, structure.held_out
-    rows: list[tuple[Cell, ...]] = [("as it is", "", "", _number(choice.bic[0], 6))]
+    rows: list[tuple[Cell, ...]] = [("none", "", "", _number(choice.bic[0], 6))]
     for step in choice.steps:
         instead = f" instead of {step.instead_of}" if step.instead_of else ""
         what = f"{step.action} {step.spring}{instead}"
@@ -106,7 +106,7 @@ def step_table(structure: Structure) -> Table:
     if misfits is not None:
         columns += numbers("held out")
         rows = [(*row, _number(each)) for row, each in zip(rows, misfits, strict=True)]
-    return table("steps", "Steps of the choice.", columns, rows)
+    return table("steps", "Steps of the selection.", columns, rows)
 
 
 def score_table(structure: Structure) -> Table:
@@ -124,7 +124,7 @@ def score_table(structure: Structure) -> Table:
     ]
     columns = [
         Column("test"),
-        *numbers("p"),
+        *numbers("p-value"),
         *numbers("size"),
         Column("95 % interval"),
         Column("unit", "u"),

@@ -147,7 +147,7 @@ def _parameters(status: CampaignStatus) -> list[str]:
             status.names, estimate.values, estimate.std, status.targets, strict=True
         )
     ]
-    header = ("parameter", "value", "std", "asked for", "")
+    header = ("parameter", "value", "std", "target", "")
     verdict = f"{estimate.trust.verdict}: {estimate.trust.verdict.reason}"
     lines = table(header, rows, right=(1, 2, 3))
     for one in estimate.friction:

@@ -84,6 +84,8 @@ def test_scripts_get_the_same_verdict_and_intervals(steps):
         for key in ("verdict", "reason", "intervals"):
             assert said[key] == trust[key]
         assert said["verdict"] == "trustworthy"
+        assert said["next_step"]["action"] == "none"
+        assert said["robot_time"]["bound"]
     for one, promised in zip(whole["intervals"], design["promised"]["std"], strict=True):
         assert one["low"] < one["value"] < one["high"]
         assert one["std"] / one["value"] == pytest.approx(promised, rel=0.1)

@@ -190,3 +190,36 @@ def test_the_keyboard_skips_to_the_content_and_stops_only_where_something_scroll
             one.tabIndex, one.scrollWidth > one.clientWidth + 1, one.getAttribute("aria-label")])"""
     )
     assert all((index == 0) == scrolls and name for index, scrolls, name in boxes)
+
+
+QUESTIONS = {
+    # question: page, links to click, what answers it
+    "May I trust these numbers?": ("study", [], ".banner .verdict"),
+    "Which standard deviation do I quote?": ("study", [], "text=Quote the recommended"),
+    "What do I do next?": ("study", [], ".banner >> text=Next:"),
+    "Which position do I measure first?": ("design", ["Positions"], "#plan tbody tr >> nth=0"),
+    "How long is the robot needed?": ("study", [], ".tiles >> text=robot time"),
+    "How sure is the damping of d3?": ("study", ["Parameters"], "#estimates >> text=d3.damping"),
+    "What unit is this?": ("study", ["Parameters"], "#estimates >> text=kN m/rad >> nth=0"),
+    "Why were candidates refused?": (
+        "design",
+        ["Candidates"],
+        "text=/Rejected|candidate position/",
+    ),
+    "What is R-hat?": ("study", [], ".tiles abbr[title^='Variance of the draws']"),
+    "How do I make this page again?": ("study", ["Provenance"], "pre >> text=oed run"),
+    "Do two studies differ?": ("comparison", ["Estimates"], "#differences-1 >> text=p-value"),
+    "What is wrong with my robot file?": ("check", [], ".banner .verdict"),
+}
+
+
+@pytest.mark.parametrize("question", QUESTIONS)
+def test_questions_are_answered_on_one_screen_or_within_two_clicks(browser, pages, question):
+    name, links, answer = QUESTIONS[question]
+    with open_page(browser, pages[name], *DESKTOP) as (page, _):
+        page.evaluate("document.documentElement.style.scrollBehavior = 'auto'")
+        for link in links:
+            page.locator("nav").get_by_text(link, exact=True).click()
+        box = page.locator(answer).first.bounding_box()
+        assert box is not None
+        assert box["y"] < 1.5 * DESKTOP[1]  # of where the link leads

@@ -143,7 +143,7 @@ def test_every_element_has_its_curves(distorted):
 def test_distortion_is_told_from_noise(distorted, tmp_path):
     found, text, _ = distorted
     assert excess(found) > 100
-    assert "distortion by friction" in text
+    assert "by friction, backlash and gears" in text
     records(0.0).save(tmp_path / "bench.h5")
     linear = measured_frf(tmp_path / "bench.h5")
     assert 0.5 < excess(linear) < 2
