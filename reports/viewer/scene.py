@@ -12,6 +12,8 @@ from robotmodels.common.arrays import Array
 _LINK, _THING, _VISIT = (150, 165, 185), (205, 150, 110), (214, 40, 90)
 _PLANE = 4.0  # edge of what is drawn of a plane [m]
 _SMALL, _LARGE = 0.008, 0.03  # candidates without and with weight [m]
+_MANY = 2000
+"""Candidates above which their points shrink, so that the robot is seen between them."""
 
 
 class RobotBody:
@@ -47,9 +49,10 @@ class Candidates:
         if view.study is None:
             return
         points, weights = view.tool_points(view.candidates), view.study.plan.design.weights
+        small = _SMALL * min(1.0, np.sqrt(_MANY / len(points)))
         self._members = [np.flatnonzero(weights <= 0), np.flatnonzero(weights > 0)]
         for name, members, size in zip(
-            ("without weight", "with weight"), self._members, (_SMALL, _LARGE), strict=True
+            ("without weight", "with weight"), self._members, (small, _LARGE), strict=True
         ):
             self._clouds.append(
                 server.scene.add_point_cloud(

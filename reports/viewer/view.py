@@ -45,6 +45,7 @@ from robotmodels.elastic.rigid_pose import unloaded
 _LINES = 200  # of a drawn FRF
 _BAND = 2 * np.pi * 2.0, 2 * np.pi * 80.0
 """Frequencies where no study names them [rad/s]."""
+_WEIGHTLESS = 190, 195, 200
 _STEP = 1e-6  # of the deflection that scales a mode shape
 
 
@@ -203,7 +204,10 @@ class View:
         return np.asarray(self.study.plan.information.positions)
 
     def colours(self, by: str) -> NDArray[np.uint8]:
-        """Return colours of the candidates, (Q, 3) of 0 to 255, by "weight" or "sensitivity"."""
+        """Return colours of the candidates, (Q, 3) of 0 to 255, by "weight" or "sensitivity".
+
+        Those without weight are grey by "weight".
+        """
         from matplotlib import colormaps
 
         if self.study is None:
@@ -212,7 +216,10 @@ class View:
         numbers = design.weights if by == "weight" else design.sensitivity
         low, high = (0.0, numbers.max()) if by == "weight" else (numbers.min(), numbers.max())
         scaled = (numbers - low) / (high - low or 1.0)
-        return np.asarray(colormaps["viridis"](scaled, bytes=True)[:, :3])
+        colours = np.array(colormaps["viridis"](scaled, bytes=True)[:, :3])
+        if by == "weight":
+            colours[numbers <= 0] = _WEIGHTLESS
+        return colours
 
     @cached_property
     def workcell(self) -> Workcell:

@@ -23,8 +23,9 @@ def test_a_script_runs(script, tmp_path, monkeypatch, capsys):
     assert capsys.readouterr().out.strip()
 
 
+LONG = ("campaign", "coverage")
 GALLERY = [
-    pytest.param(script, id=script.stem, marks=[pytest.mark.slow] * (script.stem == "campaign"))
+    pytest.param(script, id=script.stem, marks=[pytest.mark.slow] * (script.stem in LONG))
     for script in sorted((EXAMPLES / "gallery").glob("*.py"))
 ]
 

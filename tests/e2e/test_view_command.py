@@ -120,10 +120,14 @@ def test_a_mode_shape_moves_what_moves_most_by_its_amplitude(planned):
     assert pose.in_mode(0, 0.1, 0.0) == pytest.approx(rest)
 
 
-def test_candidates_of_more_weight_are_brighter(planned):
+def test_candidates_are_coloured_by_weight(planned):
     weights, colours = planned.study.plan.design.weights, planned.colours("weight")
-    best, none = int(np.argmax(weights)), int(np.argmin(weights))
-    assert colours[best].sum() > colours[none].sum()
+    least = int(np.argmin(np.where(weights > 0, weights, np.inf)))
+    best, without = int(np.argmax(weights)), weights <= 0
+    assert colours[best].sum() > colours[least].sum()  # viridis rises in brightness
+    assert without.any()
+    assert len(np.unique(colours[without], axis=0)) == 1
+    assert np.ptp(colours[without][0].astype(int)) < 15  # grey
     assert not np.array_equal(colours, planned.colours("sensitivity"))
 
 
