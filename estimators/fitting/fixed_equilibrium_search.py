@@ -1,5 +1,6 @@
 """Fast searches by compiled normal equations, about fixed or renewed equilibria."""
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
 from weakref import WeakKeyDictionary
@@ -16,7 +17,7 @@ from estimators.fitting.trust_region import (
 )
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import IdentificationError, SolverFailed
-from robotmodels.common.symmetric_matrices import scaled_eigh
+from robotmodels.common.symmetric_matrices import scaled_eigh, unit_diagonal_scaling
 from robotmodels.linear.normal_equations import NormalEquations
 from robotmodels.linear.response import HasEquilibriumDerivatives
 from robotmodels.linear.spring_network import SpringNetwork
@@ -101,6 +102,8 @@ ROUGH = 1e-4
 ROUNDS = 8
 # Halvings of the way to a point where the robot has no equilibrium.
 HALVINGS = 8
+# Least square of a Cholesky pivot, at a unit diagonal, at which the factor is accurate.
+_SEEN = 1e-8
 OUT_OF_EVALUATIONS = "The maximum number of function evaluations is exceeded"
 
 
@@ -232,18 +235,31 @@ def squares(normal: NormalEquations) -> tuple[Array, Array]:
     """
     if not (np.isfinite(normal.cost) and np.isfinite(normal.hessian).all()):
         raise SolverFailed("the model's FRF or its sensitivity is not finite")
-    s, values, vectors = scaled_eigh(normal.hessian / 2)
-    seen = values > len(values) * np.finfo(float).eps * values[-1]
-    root = np.sqrt(np.where(seen, values, 1.0))
-    r = np.where(seen, vectors.T @ (normal.gradient / 2 * s) / root, 0.0)
-    J = np.where(seen, root, 0.0)[:, None] * vectors.T / np.where(s > 0, s, 1.0)
+    r, J = _rooted(normal.hessian / 2, normal.gradient / 2)
     # A gradient through the equilibria may ask for more than the whole cost: a larger Hessian asks
     # for less.
     if normal.cost > 0 and r @ r > 0.99 * normal.cost:
         excess = np.sqrt(r @ r / (0.99 * normal.cost))
         r, J = r / excess, J * excess
     remainder = np.sqrt(max(normal.cost - float(r @ r), 0.0))
-    return np.append(r, remainder), np.vstack([J, np.zeros(len(values))])
+    return np.append(r, remainder), np.vstack([J, np.zeros(len(r))])
+
+
+def _rooted(product: Array, slope: Array) -> tuple[Array, Array]:
+    """Return r (p,) and J (p, p) with J^T J = `product` and J^T r = `slope`.
+
+    J is a Cholesky factor, or one by eigenvectors where directions are hardly seen.
+    """
+    s = unit_diagonal_scaling(product)
+    with suppress(np.linalg.LinAlgError):
+        L = np.linalg.cholesky(s[:, None] * product * s)
+        if np.diagonal(L).min() ** 2 > _SEEN:
+            return np.linalg.solve(L, slope * s), L.T / s
+    s, values, vectors = scaled_eigh(product)
+    seen = values > len(values) * np.finfo(float).eps * values[-1]
+    root = np.sqrt(np.where(seen, values, 1.0))
+    r = np.where(seen, vectors.T @ (slope * s) / root, 0.0)
+    return r, np.where(seen, root, 0.0)[:, None] * vectors.T / np.where(s > 0, s, 1.0)
 
 
 class CorrectedModel:

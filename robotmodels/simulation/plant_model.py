@@ -17,8 +17,8 @@ from robotmodels.simulation.mujoco_model import PlantBuilder
 from robotmodels.simulation.urdf_tree import read_tree
 
 _CALLED = (
-    "mj_solveM", "mj_fwdPosition", "mj_tendon", "mj_fwdVelocity", "mj_fwdAcceleration",
-    "mju_cholFactor", "mju_cholSolve",
+    "mj_kinematics", "mj_comPos", "mj_tendon", "mj_makeM", "mj_factorM", "mj_fwdVelocity",
+    "mj_comVel", "mj_rne", "mj_solveM", "mju_cholFactor", "mju_cholSolve",
 )  # fmt: skip
 
 

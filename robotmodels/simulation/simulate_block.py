@@ -19,7 +19,9 @@ from robotmodels.simulation.plant_loop import (
     ControllerGains,
     Drives,
     MujocoState,
+    Scratch,
     Sensing,
+    Springs,
     closed_loop_run,
 )
 from robotmodels.simulation.plant_model import PlantModel, addresses, build_plant, register_mujoco
@@ -79,7 +81,7 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
     if flaws.friction and any(m.coulomb and not m.coulomb_width for m in robot.file.motors):
         steps = max(steps, _STICKING)
     state = open_gears(plant, state, flaws.per_motor("backlash", n))
-    engine = _mujoco_state(plant)
+    engine, springs, scratch = _mujoco_state(plant), springs_of(plant), _scratch(len(state))
     drives = _drives(plant, robot, state, flaws, controller.sample_time)
     gains = _controller_gains(controller, hold / drives.gain)
     _, N, _ = block.signals.shape
@@ -91,7 +93,7 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
     motion = np.empty((2, parts * total if sensed else 0, len(state)))
     results: list[Any] = []
     for e, signal in enumerate(block.signals):
-        engine.qpos[:], engine.qvel[:], engine.applied[:] = state, 0.0, 0.0
+        _reset(engine, state)
         errors, disturbance = (
             block.rng.normal(size=(total, n)) * flaws.per_motor(name, n)
             for name in ("angle_noise", "torque_disturbance")
@@ -99,7 +101,18 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
         reference = _whole_run(block, signal, total)
         sensing = Sensing(robot.file.delay / step, flaws.quantisation, errors)
         torque, angle, limited, delivered, acting, good = closed_loop_run(
-            engine, drives, gains, sensing, reference, disturbance, step, steps, parts, motion
+            engine,
+            springs,
+            scratch,
+            drives,
+            gains,
+            sensing,
+            reference,
+            disturbance,
+            step,
+            steps,
+            parts,
+            motion,
         )
         if good < total:
             raise _lost(f"{block.where}, run {e + 1}", good * step)
@@ -173,8 +186,39 @@ def _mujoco_state(plant: PlantModel) -> MujocoState:
         data.qvel,
         data.qfrc_applied,
         data.qacc_smooth,
+        data.qfrc_passive,
+        data.qfrc_bias,
+        bool(plant.model.ntendon > np.count_nonzero(plant.gears >= 0)),
         plant.constraints,
     )
+
+
+def _scratch(d: int) -> Scratch:
+    return Scratch(*np.zeros((len(Scratch._fields), d)))
+
+
+def _reset(engine: MujocoState, state: Array) -> None:
+    """Put the plant at rest at coordinates (d,)."""
+    engine.qpos[:], engine.qvel[:] = state, 0.0
+    engine.applied[:] = 0.0
+
+
+def springs_of(plant: PlantModel) -> Springs:
+    """Return the springs and dampers of joints and gears, as MuJoCo's model has them now."""
+    model, gears = plant.model, plant.gears[plant.gears >= 0]
+    used = np.flatnonzero(model.jnt_stiffness + model.dof_damping)
+    ends, gaps = model.tendon_adr[gears], model.tendon_lengthspring[gears].T
+    columns: list[tuple[Any, Any]] = [
+        (used, model.wrap_objid[ends]),
+        (np.full(len(used), -1), model.wrap_objid[ends + 1]),
+        (model.qpos_spring[used], gaps[0]),
+        (model.qpos_spring[used], gaps[1]),
+        (model.jnt_stiffness[used], model.tendon_stiffness[gears]),
+        (model.jnt_stiffnesspoly[used, 1], model.tendon_stiffnesspoly[gears, 1]),
+        (model.dof_damping[used], model.tendon_damping[gears]),
+    ]
+    first, second, *others = (np.concatenate(column) for column in columns)
+    return Springs(first.astype(np.int64), second.astype(np.int64), *others)
 
 
 def _drives(
@@ -201,8 +245,7 @@ def _brakes(
     plant: PlantModel, robot: ElasticRobot, state: Array, factor: float
 ) -> tuple[IntArray, Array, Array]:
     """Return coordinates, torques and widths of smooth Coulomb friction, on the arm side."""
-    plant.static_forces(state)
-    weight = np.abs(plant.data.qfrc_bias)
+    weight = _weight(plant, state)
     brakes = [
         (c, m.coulomb * abs(m.gear_ratio), m.coulomb_width / abs(m.gear_ratio))
         for c, m in zip(plant.motors.tolist(), robot.file.motors, strict=True)
@@ -315,7 +358,7 @@ def _poles(plant: PlantModel, file: RobotFile, state: Array) -> ComplexArray:
         k = spring.stiffness
         stiffness += (max(k.low, k.high) if isinstance(k, Hardening) else k) * np.outer(a, a)
         damping += spring.damping * np.outer(a, a)
-    _add_friction(damping, plant, file)
+    _add_friction(damping, plant, file, _weight(plant, state))
     mass, stiffness, damping = map(
         plant.coordinate_map.congruent, (plant.mass(state), stiffness, damping)
     )
@@ -326,11 +369,18 @@ def _poles(plant: PlantModel, file: RobotFile, state: Array) -> ComplexArray:
     return np.where(poles.real > 0, 1j * poles.imag, poles)
 
 
-def _add_friction(damping: Array, plant: PlantModel, file: RobotFile) -> None:
+def _add_friction(damping: Array, plant: PlantModel, file: RobotFile, weight: Array) -> None:
     """Add friction at its steepest: that of tanh at rest."""
     for motor, c in zip(file.motors, plant.motors, strict=True):
         smooth = motor.coulomb / motor.coulomb_width if motor.coulomb_width else 0.0
         damping[c, c] += (motor.viscous + smooth) * motor.gear_ratio**2
     for item in file.friction:
         c = plant.coordinate(item.joint)
-        damping[c, c] += item.viscous + item.coulomb / item.coulomb_width
+        coulomb = item.coulomb + item.load * float(weight[c])
+        damping[c, c] += item.viscous + coulomb / item.coulomb_width
+
+
+def _weight(plant: PlantModel, state: Array) -> Array:
+    """Return the sizes of gravity's torques at rest, (d,)."""
+    plant.static_forces(state)
+    return np.asarray(np.abs(plant.data.qfrc_bias))

@@ -159,6 +159,7 @@ def test_coulomb_friction_counts_as_the_damper_of_its_excitation(where: str) -> 
     )
     misfits = [np.median(np.abs(responses / other - 1)) for other in (expected, without)]
     assert misfits[0] < 0.4 * misfits[1]
+    assert misfits[0] < 1e-3 or where == "motor"
     (damper,) = equivalent_dampers(counted.file)
     assert damper.dominates or where == "load"
     assert damper.speed == pytest.approx(speed.std() / (1 if where == "motor" else 50))

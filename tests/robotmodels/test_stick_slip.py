@@ -23,7 +23,9 @@ def _followed(
     Between corrections of friction it moves by the exact solution.
     """
     one, none = np.ones(1), np.zeros(1)
-    state = MujocoState(0, 0, np.zeros(1), np.array([speed]), none, none, np.zeros((0, 1)))
+    state = MujocoState(
+        0, 0, np.zeros(1), np.array([speed]), none, none, none, none, False, np.zeros((0, 1))
+    )
     drives = Drives(
         np.array([0]), one, one, np.array([np.inf]), np.array([friction]), none, none,
         np.ones((1, 1)), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0),
