@@ -287,7 +287,7 @@ def _reaching(search: VisitSearch, low: float, high: float) -> IntArray:
     periods = search.shortened(periods)
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + search.cost(periods))
-        attempt = search.best(middle)
+        attempt = search.best(middle, enough=0.0)
         if search.value(attempt) >= 0:
             periods = search.shortened(attempt)
         else:

@@ -1,6 +1,7 @@
 """The search for whole visits: periods of pairs of a position and an excitation within a time."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -100,12 +101,18 @@ class VisitSearch:
         """Return the time of the visits [s]."""
         return float(self._costs(periods).sum())
 
-    def best(self, time: float) -> IntArray:
-        """Return the best plan within a time that additions and removals lead to."""
-        start = self.start.copy()
+    def best(self, time: float, enough: float = np.inf) -> IntArray:
+        """Return the best plan within a time that additions and removals lead to.
+
+        The first one of a log value that is `enough` will do.
+        """
+        start, plans = self.start.copy(), []
         while self.cost(start) > time:
             start[np.flatnonzero(start)[np.argmin(start[start > 0])]] = 0
-        plans = [self._improved(self._filled(one, time), time) for one in (start, self.nothing)]
+        for one in (start, self.nothing):
+            plans.append(self._improved(self._filled(one, time), time, enough))
+            if self.value(plans[-1]) >= enough:
+                break
         return max(plans, key=self._ridged_value)
 
     def shortened(self, periods: IntArray) -> IntArray:
@@ -130,9 +137,9 @@ class VisitSearch:
             plans[-1][i] = count
         return plans
 
-    def _improved(self, periods: IntArray, time: float) -> IntArray:
-        """Return a plan that no removal of a pair, its time used otherwise, improves."""
-        value, improved = self._ridged_value(periods), True
+    def _improved(self, periods: IntArray, time: float, enough: float) -> IntArray:
+        """Return a plan that no removal of a pair, its time used otherwise, improves, or enough."""
+        value, improved = self._ridged_value(periods), self.value(periods) < enough
         while improved:
             improved = False
             for i in np.flatnonzero(periods):
@@ -142,6 +149,8 @@ class VisitSearch:
                 new = self._ridged_value(other)
                 if new > value + _IMPROVED:
                     periods, value, improved = other, new, True
+                    if self.value(periods) >= enough:
+                        return periods
         return periods
 
     def _filled(self, periods: IntArray, time: float) -> IntArray:
@@ -160,7 +169,9 @@ class VisitSearch:
         value, slopes = self._tangent(information)
         ceilings = count * slopes[pair] / extra
         order, best, choice = np.argsort(-ceilings, kind="stable"), 0.0, (0, 0)
-        for batch in np.split(order, range(_FIRST, len(order), _BATCH)):
+        starts = (0, *range(_FIRST, len(order), _BATCH))
+        for start, end in pairwise((*starts, len(order))):
+            batch = order[start:end]
             if not len(batch) or ceilings[batch[0]] <= best:
                 break
             factors = count[batch].reshape(-1, *(1,) * information.ndim)
