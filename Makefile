@@ -51,6 +51,8 @@ bench: $(VENV)/installed
 	$(BIN)/python benchmarks/plant.py
 	$(BIN)/python benchmarks/design.py
 	$(BIN)/python benchmarks/experiments.py
+	$(BIN)/python benchmarks/candidates.py
+	$(BIN)/python benchmarks/cluster.py
 	$(BIN)/python benchmarks/chains.py
 	$(BIN)/python benchmarks/pages.py
 
