@@ -83,15 +83,9 @@ def friction_shares(
             torque, steps = _mean_torques(
                 records, (q, block, run), channels, steady=hold and records.commanded
             )
-            about, between = motion.reactions_to(angle)
-            torque, steps = torque - about, steps - between
-            flat, inertia = angle.reshape(-1, n), np.diag(motion.inertia)
-            motors = zip(flat.T, torque.T, steps.T, inertia, widths, strict=True)
             courses = [
-                MotorCourse(
-                    column, free, of_steps, float(own), records.sample_time, near, float(width)
-                ).shares()
-                for column, free, of_steps, own, width in motors
+                replace(motor, predicted=near, width=width).shares()
+                for motor, width in zip(motion.courses(angle, torque, steps), widths, strict=True)
             ]
             shares[q, block, run] = np.stack([s for s, _ in courses], axis=1).reshape(angle.shape)
             resting.append([1 - clear.mean() for _, clear in courses])
@@ -131,6 +125,16 @@ class _Motion:
         inertia = stiff[-1].real
         reaction = -(omega[:-1] ** 2)[:, None, None] * (stiff[:-1] - inertia)
         return cls(inertia, reaction, step)
+
+    def courses(self, angle: Array, torque: Array, steps: Array) -> list[MotorCourse]:
+        """Return the motors of angles (P, N, n) under torques (P N, n) and (P N - 1, n)."""
+        about, between = self.reactions_to(angle)
+        inertias = np.diag(self.inertia)
+        columns = angle.reshape(torque.shape).T, (torque - about).T, (steps - between).T
+        return [
+            MotorCourse(angles, free, of_steps, float(inertia), self.sample_time)
+            for angles, free, of_steps, inertia in zip(*columns, inertias, strict=True)
+        ]
 
     def reactions_to(self, angle: Array) -> tuple[Array, Array]:
         """Return what angles (P, N, n) take of torques beside each motor's own inertia [N m].

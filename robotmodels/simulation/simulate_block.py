@@ -76,10 +76,8 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
     state, hold = static_state(plant, robot, block.position, block.where)
     if not flaws.nonlinear_gears:
         linearise_gears(plant, state)
-    steps = substeps(plant, robot.file, state, controller.sample_time)
+    steps = substeps(plant, robot.file, state, controller.sample_time, flaws.friction)
     n = len(hold)
-    if flaws.friction and any(m.coulomb and not m.coulomb_width for m in robot.file.motors):
-        steps = max(steps, _STICKING)
     state = open_gears(plant, state, flaws.per_motor("backlash", n))
     engine, springs, scratch = _mujoco_state(plant), springs_of(plant), _scratch(len(state))
     drives = _drives(plant, robot, state, flaws, controller.sample_time)
@@ -336,10 +334,16 @@ def open_gears(plant: PlantModel, state: Array, gaps: Array) -> Array:
     return state
 
 
-def substeps(plant: PlantModel, file: RobotFile, state: Array, sample_time: float) -> int:
-    """Return the least number of steps per sample with which the integration is stable."""
+def substeps(
+    plant: PlantModel, file: RobotFile, state: Array, sample_time: float, friction: float = 0.0
+) -> int:
+    """Return the least number of steps per sample with which the integration is stable.
+
+    `friction` is the factor of Coulomb friction, whose stops take some steps where it is sharp.
+    """
     poles = _SAFETY * _poles(plant, file, state) * sample_time
-    count = 1
+    sharp = friction and any(m.coulomb and not m.coulomb_width for m in file.motors)
+    count = _STICKING if sharp else 1
     while (np.abs(np.polyval(STABILITY, poles / count)) > 1 + 1e-9).any():
         count += 1
     return count
