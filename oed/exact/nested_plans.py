@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from oed.design.design import Design
 from oed.exact.plan_score import standard_deviations
 from robotmodels.common.arrays import Array, IntArray
 
@@ -20,10 +21,31 @@ class NestedPlans:
         Position of each visit, an index of those of the plan.
     std : ndarray, (N, p)
         Standard deviations of ln theta after each visit; infinite where a parameter is open.
+    log_determinants : ndarray, (N,)
+        ln det of the information.
     """
 
     order: IntArray
     std: Array
+    log_determinants: Array
+
+    def efficiency(self, design: Design, visit_share: float = 1.0) -> Array:
+        """Return the certified D-efficiency of each against all of as many visits, (N,).
+
+        That is (det M / det M_best)^(1/p) with the design's M and gap; not a number where a
+        parameter is open.
+
+        Parameters
+        ----------
+        design : Design
+            The D-optimal relaxed design without limits.
+        visit_share : float
+            Part of a candidate's information that a visit has.
+        """
+        visits, p = np.arange(1, len(self.order) + 1), self.std.shape[1]
+        _, best = np.linalg.slogdet(visit_share * design.information / design.weights.sum())
+        efficiency = np.exp((self.log_determinants - best) / p) / visits * design.efficiency
+        return np.asarray(np.where(np.isfinite(self.std).all(axis=1), efficiency, np.nan))
 
 
 def nested_plans(information: Array, repetitions: IntArray) -> NestedPlans:
@@ -49,4 +71,5 @@ def nested_plans(information: Array, repetitions: IntArray) -> NestedPlans:
         counts[order[-1]] -= 1
     visits = np.array(order[::-1], dtype=np.int64)
     growing = np.cumsum(information[visits], axis=0)
-    return NestedPlans(visits, np.array([standard_deviations(total) for total in growing]))
+    std = np.array([standard_deviations(total) for total in growing])
+    return NestedPlans(visits, std, np.linalg.slogdet(growing)[1])

@@ -62,19 +62,21 @@ def section(results: PlannedStudy) -> Section:
         samples=0 if robust is None else len(robust.efficiency),
         least=[text.percent(float(value)) for value in least],
         sensitivity=sensitivity,
-        growth=growth(plan),
+        growth=growth(plan, results.study.design),
         map=drawn_map(results, plan),
     )
     return Section("design", "Design", body)
 
 
-def growth(plan: DesignedPlan) -> Figure:
+def growth(plan: DesignedPlan, choice: DesignChoice) -> Figure:
     """Return standard deviations after each visit, the most informative visits first."""
     visit = plan.visit_share * np.array([*plan.information.take(plan.used)])
     nested = nested_plans(visit, plan.exact.repetitions[plan.used])
     first = text.listed([str(q + 1) for q in dict.fromkeys(nested.order.tolist())])
     cost = np.arange(1, len(nested.order) + 1)
-    drawing = plan_figures.trade_off(cost, nested.std, plan.information.names)
+    certified = plan.design.criterion == "D" and not choice.limited and plan.robust is None
+    bound = nested.efficiency(plan.design, plan.visit_share) if certified else None
+    drawing = plan_figures.trade_off(cost, nested.std, plan.information.names, bound=bound)
     alt = "Largest and median standard deviation over the number of visits"
     return figure("growth", drawing, alt, caption=first)
 

@@ -1,5 +1,6 @@
 import numpy as np
 
+import oed
 from oed.exact.nested_plans import nested_plans
 
 
@@ -27,3 +28,18 @@ def test_each_step_takes_off_the_best_visit_by_brute_force():
         }
         assert remaining[visit] == max(remaining.values())
         counts[visit] -= 1
+
+
+def test_the_efficiency_of_the_whole_plan_is_the_exact_designs():
+    rng = np.random.default_rng(7)
+    factors = rng.standard_normal((30, 2, 3))
+    matrices = np.swapaxes(factors, 1, 2) @ factors
+    info = oed.InformationSet(rng.standard_normal((30, 2)), matrices, ("a", "b", "c"))
+    design = oed.optimal_design(info)
+    exact = oed.exact_design(info, 8, design=design)
+    used = np.flatnonzero(exact.repetitions)
+    plans = nested_plans(np.asarray(info.matrices)[used], exact.repetitions[used])
+    efficiency = plans.efficiency(design)
+    np.testing.assert_allclose(efficiency[-1], exact.efficiency, rtol=1e-9)
+    assert np.isnan(efficiency[0])  # two rows for three parameters
+    assert (efficiency[1:] <= 1).all()
