@@ -60,7 +60,7 @@ def test_from_a_template_to_a_status(tmp_path: Path, monkeypatch) -> None:
     assert identified.parameters.values.tolist() == pytest.approx(values)
     assert {one["name"] for one in status["parameters"]} >= {"a2.stiffness", "a3.damping"}
     code, out, _ = oed("campaign", "status", "c.yaml")
-    assert "asked for" in out
+    assert "target" in out
     assert "verdict:" in out
     code, _, err = oed("campaign", "tell", "c.yaml", "1")
     assert code == 2

@@ -109,7 +109,7 @@ def test_starts_are_drawn_as_rough_as_stated():
     assert np.array_equal(drawn_starts[0], start.values)
     assert np.allclose(np.log(drawn_starts / start.values).std(axis=0), start.std, rtol=0.06)
     assert "k           100  x/ 1.2" in str(start)
-    with pytest.raises(InvalidInput, match="0 starts asked for"):
+    with pytest.raises(InvalidInput, match="0 starts requested"):
         start.draw(0, np.random.default_rng(0))
 
 

@@ -73,4 +73,4 @@ def test_words_that_name_an_alternative_name_the_value_too():
     known = described(schema, schema)
     assert known["data", "covariance"] == "total or noise, which misses distortion"
     assert known["data", "experiment", "blocks"].startswith("per experiment")
-    assert known["design", "criterion"] == "D or A, E, Ds, As, I"
+    assert known["design", "criterion"] == "D or A, E, Ds, As, maximin, I"

@@ -83,7 +83,7 @@ def test_a_weak_spring_is_named_with_its_joint_the_position_and_the_torque() -> 
     torque = gravity(robot.arm, np.zeros((1, robot.arm.model.nv))).torques
     load = abs(torque[0, robot.arm.coordinate["shoulder_lift_joint"]])
     assert "position 1, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]" in message
-    assert "spring 'd2' of joint 'shoulder_lift_joint' gives way" in message
+    assert "spring 'd2' of joint 'shoulder_lift_joint' yields" in message
     assert f"gravity torque of {load:.4g} N m" in message
     assert "\n" not in message
 
