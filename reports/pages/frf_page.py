@@ -9,7 +9,7 @@ from markupsafe import Markup
 from estimators.frf.frf_from_records import MeasuredFrf
 from estimators.frf.method_comparison import MethodComparison
 from reports import text
-from reports.figures import response_panels
+from reports.figures import excitation_figures, response_panels
 from reports.figures.frf_figures import detection_panels
 from reports.figures.response_data import ResponseData
 from reports.figures.response_panels import lines_drawn
@@ -100,7 +100,11 @@ def frf_sections(
         (
             "excitation",
             "Excitation",
-            {"excitation": excitation_table(measurement), "torque_loop": _loops(measurement)},
+            {
+                "excitation": excitation_table(measurement),
+                "torque_loop": _loops(measurement),
+                "run": _first_run(measurement),
+            },
         ),
     ]
     if measurement.distortion is not None:
@@ -230,6 +234,19 @@ def level_table(measurement: MeasuredFrf) -> Table:
         "distortion relative to the excited motion."
     )
     return table("level-table", caption, columns, rows)
+
+
+def _first_run(measurement: MeasuredFrf) -> Figure | None:
+    """Return the signals of the first run; none where outputs are not the motors' angles."""
+    records, motors = measurement.first, measurement.motors
+    if (records.derivatives != 2).any() or records.angle.shape[-1] != len(motors):
+        return None
+    shown = excitation_figures.run_of(records)
+    if not (np.isfinite(shown.torque).all() and np.isfinite(shown.angle).all()):
+        return None
+    alt = "Torque, speed and angle of each motor in time, and the spectrum of its torque"
+    drawing = excitation_figures.excitation(shown, motors, {})
+    return figure("first-run", drawing, alt, wide=True)
 
 
 def _loops(measurement: MeasuredFrf) -> list[str]:

@@ -140,6 +140,14 @@ def test_every_element_has_its_curves(distorted):
     assert "var(--second)" not in figure  # no robot, no model
 
 
+def test_the_first_run_is_shown(distorted):
+    _, text, _ = distorted
+    figure = text[text.index('id="first-run"') :]
+    figure = figure[: figure.index("</figure>")]
+    assert "crest" in figure
+    assert "torque spectrum" in figure
+
+
 def test_distortion_is_told_from_noise(distorted, tmp_path):
     found, text, _ = distorted
     assert excess(found) > 100
