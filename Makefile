@@ -49,6 +49,7 @@ bench: $(VENV)/installed
 	$(BIN)/python benchmarks/multistart.py
 	$(BIN)/python benchmarks/time_domain_rival.py --starts 3
 	$(BIN)/python benchmarks/plant.py
+	$(BIN)/python benchmarks/waiting.py
 	$(BIN)/python benchmarks/design.py
 	$(BIN)/python benchmarks/experiments.py
 	$(BIN)/python benchmarks/candidates.py
