@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from reports.figures.notebook_figure import NotebookFigure
 from reports.figures.response_panels import unbroken
 from reports.figures.study_figures import Drawing, plain_logarithm
 from reports.figures.svg import Palette
@@ -37,7 +38,7 @@ def bode(
     m, n = measured.shape[1:]
 
     def draw(palette: Palette) -> Figure:
-        figure = Figure(figsize=(1.2 + 1.9 * n, 0.7 + 2.3 * m), layout="constrained")
+        figure = NotebookFigure(figsize=(1.2 + 1.9 * n, 0.7 + 2.3 * m), layout="constrained")
         ratios = {"height_ratios": [2, 1] * m}
         grid = figure.subplots(
             2 * m, n, squeeze=False, sharex=True, sharey="row", gridspec_kw=ratios

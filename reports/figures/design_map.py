@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from reports.figures.cells import shade_cells
+from reports.figures.notebook_figure import NotebookFigure
 from reports.figures.study_figures import Drawing
 from reports.figures.svg import Palette
 from robotmodels.common.arrays import Array, IntArray
@@ -42,7 +43,7 @@ def design_map(
     used = np.flatnonzero(weights > 0)
 
     def draw(palette: Palette) -> Figure:
-        figure = Figure(figsize=(5.4, 3.8), layout="constrained")
+        figure = NotebookFigure(figsize=(5.4, 3.8), layout="constrained")
         axes = figure.add_subplot()
         styles = [(palette.accent, 0.06 + 0.9 * k / _SHADES) for k in range(_SHADES)]
         shade_cells(axes, edges[0], edges[1], shades, styles)

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from oed.experiment.draw_plan import crest_factor
+from reports.figures.notebook_figure import NotebookFigure
 from reports.figures.study_figures import Drawing, plain_logarithm
 from reports.figures.svg import Palette
 from reports.text import fixed
@@ -61,7 +62,7 @@ def excitation(run: Run, motors: Sequence[str], limits: Mapping[str, Array]) -> 
     """
 
     def draw(palette: Palette) -> Figure:
-        figure = Figure(figsize=(8.2, 0.7 + 1.05 * len(motors)), layout="constrained")
+        figure = NotebookFigure(figsize=(8.2, 0.7 + 1.05 * len(motors)), layout="constrained")
         grid = figure.subplots(len(motors), 4, squeeze=False, sharex="col")
         signals = {"torque": run.torque, "speed": run.speed, "swing": run.angle}
         for i, motor in enumerate(motors):

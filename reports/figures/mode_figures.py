@@ -5,6 +5,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from estimators.validation.predict_tool import ToolPrediction
+from reports.figures.notebook_figure import NotebookFigure
 from reports.figures.study_figures import Drawing
 from reports.figures.svg import Palette
 
@@ -19,7 +20,7 @@ def modes(prediction: ToolPrediction) -> Drawing:
     number = np.arange(1, len(prediction.points) + 1)
 
     def draw(palette: Palette) -> Figure:
-        figure = Figure(figsize=(7.0, 2.6), layout="constrained")
+        figure = NotebookFigure(figsize=(7.0, 2.6), layout="constrained")
         colours = (palette.accent, palette.second, palette.ink, palette.muted)
         for axes, (title, values, std) in zip(figure.subplots(1, 2), panels, strict=True):
             for k in range(values.shape[1]):

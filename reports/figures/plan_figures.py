@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from reports.figures.notebook_figure import NotebookFigure
 from reports.figures.study_figures import Drawing, plain_logarithm
 from reports.figures.svg import Palette
 from robotmodels.common.arrays import Array, IntArray
@@ -35,7 +36,7 @@ def trade_off(
     """
 
     def draw(palette: Palette) -> Figure:
-        figure = Figure(figsize=(7.0, 2.9 if bound is None else 3.6), layout="constrained")
+        figure = NotebookFigure(figsize=(7.0, 2.9 if bound is None else 3.6), layout="constrained")
         ratios = [1] if bound is None else [3, 1]
         grid = figure.subplots(
             len(ratios), 1, squeeze=False, sharex=True, gridspec_kw={"height_ratios": ratios}

@@ -6,6 +6,7 @@ from itertools import cycle
 import numpy as np
 from matplotlib.figure import Figure
 
+from reports.figures.notebook_figure import NotebookFigure
 from reports.figures.study_figures import Drawing
 from reports.figures.svg import Palette
 from robotmodels.common.arrays import Array
@@ -30,7 +31,7 @@ def traces(names: Sequence[str], chains: Array) -> Drawing:
     shares = _ranks(chains)
 
     def draw(palette: Palette) -> Figure:
-        figure = Figure(figsize=(7.6, 0.5 + 0.85 * len(names)), layout="constrained")
+        figure = NotebookFigure(figsize=(7.6, 0.5 + 0.85 * len(names)), layout="constrained")
         grid = figure.subplots(
             len(names), 2, squeeze=False, sharex="col", gridspec_kw={"width_ratios": [2, 1]}
         )

@@ -5,6 +5,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from reports.figures.cells import shade_cells
+from reports.figures.notebook_figure import NotebookFigure
 from reports.figures.study_figures import Drawing, plain_logarithm
 from reports.figures.svg import Palette
 from robotmodels.common.arrays import Array, IntArray
@@ -34,7 +35,7 @@ def residual_map(standardised: Array, omega: Array) -> Drawing:
 
     def draw(palette: Palette) -> Figure:
         rows = len(cells)
-        figure = Figure(figsize=(7.0, 0.9 + 0.17 * rows), layout="constrained")
+        figure = NotebookFigure(figsize=(7.0, 0.9 + 0.17 * rows), layout="constrained")
         axes = figure.add_subplot()
         colours = [palette.accent] * 4 + [palette.second] * 4
         styles = list(zip(colours, _OPACITY, strict=True))
@@ -72,7 +73,7 @@ def residual_laws(standardised: Array, autocorrelation: Array) -> Drawing:
     bound = _BOUND / np.sqrt(np.isfinite(standardised).sum())
 
     def draw(palette: Palette) -> Figure:
-        figure = Figure(figsize=(7.0, 2.9), layout="constrained")
+        figure = NotebookFigure(figsize=(7.0, 2.9), layout="constrained")
         quantiles, lags = figure.subplots(1, 2)
         reach = max(4.0, float(np.abs(quantile).max()))
         quantiles.plot([-5, 5], [-5, 5], color=palette.muted, lw=0.8, dashes=(4, 3))

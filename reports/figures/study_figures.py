@@ -8,6 +8,7 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
+from reports.figures.notebook_figure import NotebookFigure
 from reports.figures.svg import Palette
 from reports.text import fixed, residual_label, significant
 from robotmodels.common.arrays import Array, IntArray
@@ -120,7 +121,7 @@ def plain_logarithm(axis: Axis) -> None:
 
 
 def _single(palette: Palette, width: float, height: float) -> tuple[Figure, Axes]:
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = NotebookFigure(figsize=(width, height), layout="constrained")
     axes = figure.add_subplot()
     axes.grid(True, axis="both")
     axes.set_axisbelow(True)

@@ -12,6 +12,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
+from reports.figures.notebook_figure import NotebookFigure
 from reports.figures.study_figures import Drawing
 from reports.figures.svg import Palette
 from reports.text import MINUS
@@ -40,7 +41,7 @@ def intervals(
         groups = parameter_groups(names)
         longest = max(len(group) for group in groups.values())
         step = 0.2 + 0.08 * max(len(methods) - 2, 0)
-        figure = Figure(figsize=(8.2, 0.95 + step * longest), layout="constrained")
+        figure = NotebookFigure(figsize=(8.2, 0.95 + step * longest), layout="constrained")
         grid = figure.subplots(1, len(groups), squeeze=False)[0]
         colours = (palette.accent, palette.second, palette.ink, palette.muted)
         shifts = 0.16 * (2 * np.arange(len(methods)) - len(methods) + 1)
@@ -91,7 +92,7 @@ def deviations(
     def draw(palette: Palette) -> Figure:
         groups = parameter_groups(names)
         longest = max(len(group) for group in groups.values())
-        figure = Figure(figsize=(8.2, 0.95 + 0.2 * longest), layout="constrained")
+        figure = NotebookFigure(figsize=(8.2, 0.95 + 0.2 * longest), layout="constrained")
         grid = figure.subplots(1, len(groups), squeeze=False)[0]
         colours = (palette.accent, palette.second, palette.ink, palette.muted)
         bars = [None] * len(stds) if ends is None else ends
@@ -142,7 +143,7 @@ def correlation_map(names: Sequence[str], correlation: Array) -> Drawing:
     def draw(palette: Palette) -> Figure:
         p = len(names)
         side = max(0.19 * p, 1.6)
-        figure = Figure(figsize=(side + 1.9, side + 1.15), layout="constrained")
+        figure = NotebookFigure(figsize=(side + 1.9, side + 1.15), layout="constrained")
         axes, key = figure.subplots(1, 2, width_ratios=[side, 0.16])
         rows, columns = np.indices((p, p)).reshape(2, -1)
         corners = np.stack([columns - 0.5, rows - 0.5], axis=1)
@@ -201,7 +202,7 @@ def corner_plot(names: Sequence[str], draws: Array, covariance: Array, truth: Ar
 
     def draw(palette: Palette) -> Figure:
         k = len(names)
-        figure = Figure(figsize=(1.35 * k + 0.9, 1.35 * k + 0.9))
+        figure = NotebookFigure(figsize=(1.35 * k + 0.9, 1.35 * k + 0.9))
         figure.subplots(k, k)
         corner.corner(
             draws,

@@ -1,18 +1,22 @@
 """The page that puts a study beside the one of Wernholt and Moberg (2008)."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from markupsafe import Markup
 
 import robotmodels
+from oed.replication.conclusions import Judged
 from oed.replication.local_minima import LocalMinima
 from oed.replication.replicate import Replication
 from oed.replication.time_domain_comparison import TimeDomainComparison
 from oed.study.results import FittedStudy
 from oed.study.settings.study_file import ESTIMATORS
+from reports import text
 from reports.figures import replication_figures as figures
 from reports.figures.response_panels import response_panels
-from reports.page_elements import Figure, Section, figure, filled, page
+from reports.page_elements import Figure, Section, figure, filled, page, page_banner
 from reports.pages import replication_tables as tables
 from robotmodels.common.atomic_files import write_text
 
@@ -45,8 +49,27 @@ def write_published(results: FittedStudy, published: Replication, path: Path) ->
             *([] if published.minima is None else [_minima(published.minima)]),
             *([] if published.rivalry is None else [_rival(published.rivalry, published.seconds)]),
         ],
+        banner=_banner(published.conclusions),
     )
     write_text(path, content)
+
+
+def _banner(conclusions: Sequence[Judged]) -> Markup:
+    """Return how many of the paper's conclusions the study supports, and which it does not."""
+    numbers: dict[str, list[int]] = {}
+    for number, one in enumerate(conclusions, start=1):
+        numbers.setdefault(one.verdict, []).append(number)
+    supported = len(numbers.get("supported", []))
+    step = "see the evidence for each conclusion below"
+    if "undecided" in numbers:
+        step += "; more starts (fit: starts) decide more of the comparisons"
+    return page_banner(
+        f"{supported} of {text.plural(len(conclusions), 'conclusion')} supported",
+        "sound" if supported == len(conclusions) else "doubtful",
+        "; ".join(f"{text.sentence(verdict)}: {text.ranges(i)}" for verdict, i in numbers.items()),
+        quote="Numbers to quote, with their verdict, are in the report of the study.",
+        next_step=step,
+    )
 
 
 def _conclusions(results: FittedStudy, published: Replication) -> Section:

@@ -47,6 +47,25 @@ def open_page(browser, path: Path, width: int, height: int, **options) -> Iterat
         context.close()
 
 
+def violations(page) -> list[tuple[str, str]]:
+    """Return the rules that axe finds broken on an open page, with the first element of each."""
+    from axe_playwright_python.sync_playwright import Axe
+
+    page.locator("details").evaluate_all("all => all.forEach((one) => { one.open = true; })")
+    broken = Axe().run(page).response["violations"]
+    return [(one["id"], one["nodes"][0]["html"]) for one in broken]
+
+
+def violations_of(path: Path) -> list[tuple[str, str]]:
+    """Return the rules that axe finds broken in a file, in light and dark colours."""
+    broken = []
+    with chromium() as browser:
+        for scheme in ("light", "dark"):
+            with open_page(browser, path, 1280, 900, color_scheme=scheme) as (page, _):
+                broken += violations(page)
+    return broken
+
+
 def _note_request(url: str, wrong: list[str]) -> None:
     if not url.startswith(("file:", "data:", "blob:")):
         wrong.append(f"request: {url}")

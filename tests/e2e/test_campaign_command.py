@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from browser import violations_of
 from conftest import oed
 
 from robotmodels import load_robot
@@ -69,3 +70,4 @@ def test_from_a_template_to_a_status(tmp_path: Path, monkeypatch) -> None:
         "campaign", "tell", "c.yaml", "1", status["visits"][0]["folder"] + "/records.h5"
     )
     assert "was taken before" in out
+    assert violations_of(page) == []

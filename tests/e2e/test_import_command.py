@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 import yaml
+from browser import violations_of
 from conftest import oed
 
 from robotmodels import iterate_movements
@@ -39,7 +40,9 @@ def test_a_proposal_is_written_and_then_taken(log_file, tmp_path):
     assert [s["role"] for s in mapping["signals"]] == [
         "motor_angle", "motor_velocity", "motor_current"
     ]  # fmt: skip
-    assert "<svg" in (tmp_path / "import.html").read_text()
+    page = tmp_path / "import.html"
+    assert "<svg" in page.read_text()
+    proposal = page.rename(tmp_path / "proposal.html")
     code, out, _ = oed(
         "import",
         str(log_file),
@@ -56,6 +59,7 @@ def test_a_proposal_is_written_and_then_taken(log_file, tmp_path):
     (movement,) = iterate_movements(tmp_path / "movements.h5")
     assert movement.motor_angle[:, 2] == pytest.approx(0.3 * np.sin(2.7 * TIME + 2), abs=1e-8)
     assert movement.provenance["files"].keys() == {"log.csv"}
+    assert violations_of(proposal) == violations_of(page) == []
 
 
 def test_a_short_mapping_is_completed(log_file, tmp_path):

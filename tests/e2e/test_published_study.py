@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from browser import violations_of
 from conftest import ROBOT, STUDY, drawn, oed, write_study
 
 import estimators
@@ -14,6 +15,7 @@ from oed.replication.local_minima import first_blocks
 from oed.replication.paper import CONCLUSIONS
 from oed.study.settings.study_file import ESTIMATORS, load_study
 from oed.study.stages.data import Data
+from reports.text import ranges
 from robotmodels.common.dataclass_files import read_dataclass
 
 MODEL = ROBOT + "  - {name: b3x, joint: elbow_joint, axis: x, stiffness: 5.0e4, damping: 50}\n"
@@ -120,6 +122,18 @@ def test_the_page_judges_seven_conclusions_and_shows_every_figure(published):
     assert not re.search(r"\bnan\b", text)
     assert "http" not in text
     assert "report.html" in {p.name for p in output.iterdir()}
+
+
+def test_the_banner_counts_the_conclusions_and_axe_finds_no_violation(published):
+    output = published / "results" / "here"
+    judged = json.loads((output / "published.json").read_text())["conclusions"]
+    page = (output / "published.html").read_text(encoding="utf-8")
+    banner = page.partition('<div class="banner')[2].partition("</div>")[0]
+    supported = [i for i, one in enumerate(judged, 1) if one["verdict"] == "supported"]
+    assert f"{len(supported)} of 7 conclusions supported" in banner
+    assert (f"Supported: {ranges(supported)}" in banner) == bool(supported)
+    assert ("more starts" in banner) == any(one["verdict"] == "undecided" for one in judged)
+    assert violations_of(output / "published.html") == []
 
 
 def test_a_comparison_without_all_six_estimators_is_refused(tmp_path):

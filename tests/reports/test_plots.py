@@ -5,7 +5,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from IPython.core.formatters import PNGFormatter
 from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
 
 import estimators
 import oed
@@ -38,6 +40,13 @@ def test_standardised_residuals_are_standard_normal(fit):
     assert np.nanmean(values**2) == pytest.approx(1, abs=4 * np.sqrt(2 / count))
     halved = 2 * values  # noise that is stated half as large
     assert np.nanmean(halved**2) != pytest.approx(1, abs=4 * np.sqrt(2 / count))
+
+
+def test_notebooks_show_figures_without_pyplot(fit):
+    formatter = PNGFormatter()  # knows no matplotlib: pyplot's inline backend would teach it
+    assert formatter(plots.residuals(fit)).startswith(b"\x89PNG")
+    assert formatter(plots.frf(fit.estimate, fit)).startswith(b"\x89PNG")
+    assert formatter(Figure()) is None
 
 
 def test_frfs_are_drawn_with_the_model_between_the_lines(fit):
