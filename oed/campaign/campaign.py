@@ -189,8 +189,8 @@ class Campaign:
     ) -> tuple[Visit, ...]:
         """Write visits whose limits were met by `robot`."""
 
-        def write_files(plan: ExperimentPlan, files: Path) -> None:
-            write_visit_files(plan, files, self.settings, robot)
+        def write_files(plan: ExperimentPlan, files: Path) -> ExperimentPlan:
+            return write_visit_files(plan, files, self.settings, robot)
 
         return self._folder.add(plans, purpose, self._digest, write_files)
 

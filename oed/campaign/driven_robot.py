@@ -15,6 +15,7 @@ from oed.experiment.amplitude_scaling import Scaling
 from oed.experiment.controller_files import write_controller_files
 from oed.experiment.experiment_plan import ExperimentPlan
 from oed.experiment.prepare import controller_of, within_limits
+from oed.experiment.trajectory_check import BeyondLimit
 from robotmodels import ElasticRobot
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.description.friction import at_speeds
@@ -22,6 +23,11 @@ from robotmodels.simulation.controller import Controller
 from robotmodels.simulation.loop_noise import LoopTransfer, closed_loop
 
 _STEPS = 12
+_ATTEMPTS = 8
+_FARTHEST = 1.5
+"""Ratio to a limit that is no mere transient."""
+_BELOW = 0.995
+"""Of a limit, to which amplitudes are lowered that exceed it."""
 _SETTLED = 2e-4
 """Relative change of amplitudes; what files lead to may be beyond limits by 1e-3."""
 _OF_MARGIN = 0.1
@@ -84,16 +90,33 @@ def as_driven(
 
 def write_visit_files(
     plan: ExperimentPlan, folder: Path, settings: VisitSettings, robot: ElasticRobot
-) -> None:
+) -> ExperimentPlan:
     """Write the files of one visit, checked with friction as the visit drives it.
+
+    Amplitudes are such that periods stay inside the limits. Where a run begins transients add to
+    that, so amplitudes are lowered until all samples of its files do.
+
+    Returns
+    -------
+    ExperimentPlan
+        The plan of the files.
 
     Raises
     ------
     InvalidInput
         As `write_controller_files`.
     """
-    rubbing = driven_by(plan, robot, controller_of(settings, robot))
-    write_controller_files(plan, folder, settings.files, settings, rubbing)
+    for attempt in range(_ATTEMPTS):
+        rubbing = driven_by(plan, robot, controller_of(settings, robot))
+        try:
+            write_controller_files(plan, folder, settings.files, settings, rubbing)
+        except BeyondLimit as error:
+            if error.ratio > _FARTHEST or attempt + 1 == _ATTEMPTS:
+                raise
+            plan = plan.rescaled(np.asarray(_BELOW / error.ratio))
+        else:
+            break
+    return plan
 
 
 def rms_speeds(angles: ComplexArray, omega: Array) -> Array:

@@ -215,11 +215,12 @@ class VisitFolder:
         plans: Sequence[ExperimentPlan],
         purpose: Purpose,
         robot_digest: str,
-        write_files: Callable[[ExperimentPlan, Path], None],
+        write_files: Callable[[ExperimentPlan, Path], ExperimentPlan],
     ) -> tuple[Visit, ...]:
         """Write new visits with their files for controllers; all of them appear, or none.
 
-        What `write_files` raises, which gets a folder for them, leaves none behind.
+        `write_files` gets a folder for them and returns the plan that they are of; what it raises
+        leaves none behind.
         """
         self.recover()
         first = 1 + max(map(int, self._names), default=0)
@@ -228,8 +229,7 @@ class VisitFolder:
         try:
             for name, plan in zip(names, plans, strict=True):
                 (stage / name).mkdir(parents=True)
-                plan.save(stage / name / "plan.yaml")
-                write_files(plan, stage / name / "controller")
+                write_files(plan, stage / name / "controller").save(stage / name / "plan.yaml")
                 document = {"schema": "visit/1", "purpose": purpose, "robot_digest": robot_digest}
                 write_text(stage / name / "visit.yaml", yaml.safe_dump(document, sort_keys=False))
             if plans:

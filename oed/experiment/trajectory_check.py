@@ -19,6 +19,20 @@ _DIGITS = 1e-12
 """Largest rounding error of a position in a file [rad; m]."""
 
 
+class BeyondLimit(InvalidInput):
+    """Runs of a plan that exceed a limit in what the model predicts.
+
+    Attributes
+    ----------
+    ratio : float
+        Largest value over its limit.
+    """
+
+    def __init__(self, message: str, ratio: float) -> None:
+        super().__init__(message)
+        self.ratio = ratio
+
+
 @dataclass(frozen=True, eq=False)
 class Trajectory:
     """A move or a run, as files tell it, from rest to rest.
@@ -90,7 +104,8 @@ class TrajectoryCheck:
         Raises
         ------
         InvalidInput
-            Naming file, motor, time, value and limit of the first sample that does.
+            Naming file, motor, time, value and limit of the first sample that does; `BeyondLimit`
+            in a run.
         """
         checks = self._move if trajectory.is_move else self._run
         motors, T = self.moves.motors, self.controller.sample_time
@@ -102,10 +117,15 @@ class TrajectoryCheck:
                 k, motor = (int(i) for i in np.argwhere(outside)[0])
                 file, sample = trajectory.where(k)
                 limit = bounds[motor, int(not values[k, motor] < low[motor])]
-                raise InvalidInput(
+                message = (
                     f"{file}: motor {motors[motor]!r} at {sample * T:.6g} s: {quantity} "
                     f"{values[k, motor]:.6g} {unit} is beyond its limit {limit:.6g} {unit}; "
                     "the visit is not offered"
+                )
+                if trajectory.is_move:
+                    raise InvalidInput(message)
+                raise BeyondLimit(
+                    message, float((values / np.where(values < low, low, high)).max())
                 )
             largest[quantity] = np.abs(values).max(axis=0)
         return largest

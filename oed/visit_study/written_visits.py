@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from oed.campaign.driven_robot import write_visit_files
@@ -33,7 +34,7 @@ def write_visits(
             f"output: {visits.folder} is a campaign's; give the study another output"
         )
     if told := sum(visit.state == "told" for visit in there):
-        if [fingerprint(one.plan) for one in there] == [fingerprint(plan) for plan in plans]:
+        if len(there) == len(plans) and all(map(_same, there, plans)):
             return there
         raise InvalidInput(
             f"output: {visits.folder} has records of {told} visits of another plan; move that "
@@ -43,10 +44,15 @@ def write_visits(
         shutil.rmtree(visits.folder)
     digest = robot_digest(robot)
 
-    def write_files(plan: ExperimentPlan, folder: Path) -> None:
-        write_visit_files(plan, folder, study, robot)
+    def write_files(plan: ExperimentPlan, folder: Path) -> ExperimentPlan:
+        return write_visit_files(plan, folder, study, robot)
 
     return visits.add(plans, "study", digest, write_files)
+
+
+def _same(visit: Visit, plan: ExperimentPlan) -> bool:
+    """Tell whether a visit is that of a plan, whose amplitudes its files may have lowered."""
+    return fingerprint(replace(visit.plan, scale=plan.scale)) == fingerprint(plan)
 
 
 def simulate_study_visits(study: VisitStudy, progress: Progress | None = None) -> tuple[Visit, ...]:

@@ -32,9 +32,10 @@ from robotmodels.exports.robot_files import with_friction
 LIBRARIES = ("oed.campaign.campaign",)
 
 
-def no_files(_: ExperimentPlan, folder: Path) -> None:
+def no_files(plan: ExperimentPlan, folder: Path) -> ExperimentPlan:
     """Write files for a controller: a folder alone."""
     folder.mkdir()
+    return plan
 
 
 def ask(path: str) -> None:

@@ -21,7 +21,7 @@ from oed.experiment.draw_plan import experiment_plan
 from oed.experiment.multisine import Multisine
 from oed.experiment.prepare import controller_of
 from oed.information_sets.excitations import Zippered
-from robotmodels import load_robot, save_robot, with_speeds
+from robotmodels import InvalidInput, load_robot, save_robot, with_speeds
 from robotmodels.simulation.controller import default_controller
 from robotmodels.simulation.loop_noise import closed_loop
 
@@ -65,7 +65,12 @@ def test_visits_are_within_limits_at_the_dampers_of_their_speeds(tmp_path: Path)
     with campaign._evaluation() as now:
         planner = replace(now.planner, robot=robot)
     plan = planner.plans([(planner.positions[0], Zippered(), 2)])[0]
-    write_visit_files(plan, tmp_path / "files", campaign.settings, robot)  # which are checked
+    files = tmp_path / "files"
+    assert write_visit_files(plan, files, campaign.settings, robot) is plan  # which are checked
+    larger = write_visit_files(plan.rescaled(np.asarray(1.2)), files, campaign.settings, robot)
+    assert 1.0 < larger.scale[0] / plan.scale[0] < 1.2  # the files of a lower one
+    with pytest.raises(InvalidInput, match="is beyond its limit"):
+        write_visit_files(plan.rescaled(np.asarray(10.0)), files, campaign.settings, robot)
 
 
 def test_dampers_belong_to_the_speeds_they_leave() -> None:
