@@ -47,6 +47,32 @@ def sensitivity_function(sensitivity: Array, support: IntArray) -> Drawing:
     return draw
 
 
+def convergence(gaps: Array, final: float) -> Drawing:
+    """Return the certified gap after each round of the solver, and that of the final design.
+
+    Parameters
+    ----------
+    gaps : ndarray, (R,)
+        As of `Design.gaps`; rounds without a positive finite gap have no dot.
+    final : float
+        Gap of the design, a dashed line where it is positive.
+    """
+
+    def draw(palette: Palette) -> Figure:
+        figure, axes = _single(palette, 7.0, 2.4)
+        shown = np.where(np.isfinite(gaps) & (gaps > 0), gaps, np.nan)
+        axes.plot(np.arange(1, len(gaps) + 1), shown, "o-", color=palette.accent, ms=4, lw=1.3)
+        if final > 0:
+            axes.axhline(final, color=palette.second, lw=1.0, dashes=(4, 3))
+        axes.set(yscale="log", xlim=(0.5, len(gaps) + 0.5), xlabel="round", ylabel="certified gap")
+        axes.yaxis.set_major_locator(LogLocator(numticks=6))
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda gap, _: significant(gap, 1)))
+        axes.xaxis.set_major_locator(MaxNLocator(12, integer=True))
+        return figure
+
+    return draw
+
+
 def costs_over_starts(costs: Mapping[str, Sequence[float]], best: Mapping[str, float]) -> Drawing:
     """Return each residual's costs over its best one, a dot per start."""
 

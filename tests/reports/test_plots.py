@@ -149,3 +149,14 @@ def test_modes_have_intervals():
     frequency = plots.modes(prediction).axes[0]
     bars = frequency.containers[1][2][0].get_segments()
     np.testing.assert_allclose([bar[:, 1] for bar in bars], [[6.4, 9.6]] * 3)
+
+
+def test_convergence_has_a_dot_for_each_round_and_the_gap_of_the_design():
+    gaps = np.array([0.3, np.inf, 1e-3, 1e-8])
+    (axes,) = plots.convergence(SimpleNamespace(gaps=gaps, gap=2e-9)).axes
+    rounds, final = axes.lines
+    np.testing.assert_array_equal(rounds.get_xdata(), [1, 2, 3, 4])
+    np.testing.assert_allclose(rounds.get_ydata(), [0.3, np.nan, 1e-3, 1e-8])
+    np.testing.assert_array_equal(final.get_ydata(), 2e-9)
+    assert axes.get_yscale() == "log"
+    assert axes.yaxis.get_major_formatter()(1e-8, 0).endswith("10⁻⁸")  # SVG files have no mathtext
