@@ -128,6 +128,11 @@ def sensitivity_function(design: Design) -> Figure:
     return in_light(study_figures.sensitivity_function(sensitivity, design.support))
 
 
+def convergence(design: Design) -> Figure:
+    """Return the certified gap after each round of the solver, that of the design dashed."""
+    return in_light(study_figures.convergence(design.gaps, design.gap))
+
+
 def trade_off(curve: ExperimentCurve | TimeCurve, names: Sequence[str] | None = None) -> Figure:
     """Return standard deviations over experiments or minutes, with certified efficiencies.
 

@@ -95,7 +95,8 @@ class _Search:
         self.whitening, self.tolerance, self.max_rounds = whitening, tolerance, max_rounds
         self.active = whitening.first_active()
         self.best: _Round | None = None
-        self.rounds, self.scouted = 0, ""
+        self.gaps: list[float] = []
+        self.scouted = ""
         self.methods: list[str] = []
         self.failures: list[str] = []
 
@@ -137,13 +138,14 @@ class _Search:
         """
         goal, near = max(solver.first_goal, self.tolerance), None
         for _ in range(self.max_rounds):
-            self.rounds += 1
+            self.gaps.append(np.inf)
             few = self.whitening.few(self.active)
             try:
                 current = self._round(few, checked_answer(solver.solve(few, goal, near), few))
             except SolverFailed as error:
                 self.failures.append(str(error))
                 return
+            self.gaps[-1] = current.certificate.gap
             name = current.answer.method + ("" if self.methods else self.scouted)
             if not any(method.startswith(current.answer.method) for method in self.methods):
                 self.methods.append(name)
@@ -174,7 +176,7 @@ class _Search:
             information=read_only(information),
             criterion=problem.objective.name,
             names=problem.candidates.names,
-            rounds=self.rounds,
+            gaps=read_only(np.array(self.gaps)),
             solver=", ".join(self.methods),
             witness=whitening.coordinates.witness(whitening.objective, best.answer.witness),
             sensitivity=read_only(best.certificate.sensitivity),

@@ -32,8 +32,9 @@ class Design(ReprHtml):
         Name of the criterion that was optimised.
     names : tuple of str
         Names of the parameters.
-    rounds : int
-        Active sets that were solved.
+    gaps : ndarray, (rounds,)
+        Certified gap of each active set's answer, infinite where its solver gave none; `gap` is
+        that of the final weights.
     solver : str
         Every method that took part, in the order used.
     witness : tuple of ndarray
@@ -53,11 +54,16 @@ class Design(ReprHtml):
     information: Array
     criterion: str
     names: tuple[str, ...]
-    rounds: int
+    gaps: Array
     solver: str
     witness: tuple[Array, ...]
     sensitivity: Array
     multipliers: Mapping[str, float]
+
+    @property
+    def rounds(self) -> int:
+        """Active sets that were solved."""
+        return len(self.gaps)
 
     @property
     def efficiency(self) -> float:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from oed.design.design import Design
 from oed.design.robust_design import RobustDesign
 from oed.exact.nested_plans import nested_plans
 from oed.experiment.visiting_order import VisitingOrder
@@ -62,10 +63,19 @@ def section(results: PlannedStudy) -> Section:
         samples=0 if robust is None else len(robust.efficiency),
         least=[text.percent(float(value)) for value in least],
         sensitivity=sensitivity,
+        convergence=convergence(design),
         growth=growth(plan, results.study.design),
         map=drawn_map(results, plan),
     )
     return Section("design", "Design", body)
+
+
+def convergence(design: Design) -> Figure | None:
+    """Return the gap after each round of the solver; None where there was only one."""
+    if design.rounds < 2:
+        return None
+    drawing = study_figures.convergence(design.gaps, design.gap)
+    return figure("rounds", drawing, "Certified gap after each round of the solver")
 
 
 def growth(plan: DesignedPlan, choice: DesignChoice) -> Figure:

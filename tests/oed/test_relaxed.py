@@ -183,3 +183,14 @@ def test_coarse_designs_keep_weights(tolerance):
     design = optimal_design(random_set(3, 40, 5, 3), tolerance=tolerance, solver="newton")
     assert len(design.support)
     assert 0 <= design.gap <= tolerance
+
+
+def test_a_design_has_the_gap_of_every_round():
+    info = random_set(7, 400, 6, 2)
+    design = optimal_design(info, solver="newton")
+    assert len(design.gaps) == design.rounds > 1
+    assert (design.gaps > -1e-9).all()
+    assert design.gaps.min() <= 1e-6 < design.gaps[0]
+    first = optimal_design(info, solver="newton", tolerance=2 * design.gaps[0], max_rounds=1)
+    assert first.rounds == 1
+    assert first.gap == pytest.approx(plain_gap(first.weights, info.matrices), rel=1e-6)
