@@ -145,12 +145,7 @@ class _Search:
             except SolverFailed as error:
                 self.failures.append(str(error))
                 return
-            self.gaps[-1] = current.certificate.gap
-            name = current.answer.method + ("" if self.methods else self.scouted)
-            if not any(method.startswith(current.answer.method) for method in self.methods):
-                self.methods.append(name)
-            if self.best is None or current.certificate.gap < self.best.certificate.gap:
-                self.best = current
+            self._record(current)
             if self.closed:
                 return
             larger = self._larger(current, _EXCESS * goal)
@@ -160,6 +155,14 @@ class _Search:
                 return
             goal = max(solver.first_goal * goal if larger is not None else 0.0, self.tolerance)
             near = current.answer if larger is None else None
+
+    def _record(self, current: _Round) -> None:
+        """Record a round's gap and method, and its answer if it is the best so far."""
+        self.gaps[-1], method = current.certificate.gap, current.answer.method
+        if not any(name.startswith(method) for name in self.methods):
+            self.methods.append(method + ("" if self.methods else self.scouted))
+        if self.best is None or current.certificate.gap < self.best.certificate.gap:
+            self.best = current
 
     def design(self, best: _Round) -> Design:
         """Return an answer as a design."""
