@@ -6,6 +6,8 @@ import numpy as np
 
 from oed.study.parts import DesignedPlan
 from oed.study.results import PlannedStudy
+from oed.study.settings.study_file import Study
+from robotmodels.common.arrays import Array, IntArray
 
 
 @dataclass(frozen=True)
@@ -31,14 +33,41 @@ def robot_time(results: PlannedStudy) -> RobotTime | None:
     if not isinstance(plan, DesignedPlan):
         return None
     moves = 0.0 if plan.order is None else plan.order.duration
-    if study.design.measuring is not None:
-        return RobotTime(plan.visits * study.design.measuring + moves, bound=False)
-    excitation = study.data.experiment
-    if excitation is not None:
-        periods = excitation.blocks * (excitation.periods + excitation.transient_periods)
-        run = periods * excitation.multisine.period
-        return RobotTime(plan.runs * run + plan.visits * excitation.settle + moves, bound=False)
+    visit = visit_seconds(study, plan)
+    if visit is not None:
+        return RobotTime(plan.visits * visit + moves, bound=False)
     if len(plan.omega) < 2:
         return None
     shortest = 2 * np.pi / float(np.diff(plan.omega).min())
     return RobotTime(plan.runs * shortest + moves, bound=True)
+
+
+def visit_seconds(study: Study, plan: DesignedPlan) -> float | None:
+    """Return how long a visit takes without moves [s]; None where the study does not tell."""
+    if study.design.measuring is not None:
+        return study.design.measuring
+    excitation = study.data.experiment
+    if excitation is None:
+        return None
+    periods = excitation.blocks * (excitation.periods + excitation.transient_periods)
+    return plan.runs_per_visit * periods * excitation.multisine.period + excitation.settle
+
+
+def growing_time(study: Study, plan: DesignedPlan, order: IntArray) -> Array | None:
+    """Return the robot time after each visit [s], (N,); None where the study does not tell.
+
+    The moves of the plan count in proportion to the positions that have been visited.
+
+    Parameters
+    ----------
+    order : ndarray of int, (N,)
+        Position of each visit of the plan.
+    """
+    visit = visit_seconds(study, plan)
+    if visit is None:
+        return None
+    moves = 0.0 if plan.order is None else plan.order.duration
+    first = np.zeros(len(order))
+    first[np.unique(order, return_index=True)[1]] = 1.0
+    measuring = visit * np.arange(1, len(order) + 1)
+    return np.asarray(measuring + moves * np.cumsum(first) / first.sum())

@@ -8,7 +8,9 @@ from oed.exact.nested_plans import nested_plans
 from oed.experiment.visiting_order import VisitingOrder
 from oed.study.parts import DesignedPlan
 from oed.study.results import FittedStudy, PlannedStudy
+from oed.study.robot_time import growing_time, visit_seconds
 from oed.study.settings.design_settings import DesignChoice
+from oed.study.settings.study_file import Study
 from reports import text
 from reports.figures import plan_figures, study_figures
 from reports.page_elements import (
@@ -64,7 +66,8 @@ def section(results: PlannedStudy) -> Section:
         least=[text.percent(float(value)) for value in least],
         sensitivity=sensitivity,
         convergence=convergence(design),
-        growth=growth(plan, results.study.design),
+        shared_moves=plan.order is not None and visit_seconds(results.study, plan) is not None,
+        growth=growth(plan, results.study),
         map=drawn_map(results, plan),
     )
     return Section("design", "Design", body)
@@ -78,16 +81,22 @@ def convergence(design: Design) -> Figure | None:
     return figure("rounds", drawing, "Certified gap after each round of the solver")
 
 
-def growth(plan: DesignedPlan, choice: DesignChoice) -> Figure:
+def growth(plan: DesignedPlan, study: Study) -> Figure:
     """Return standard deviations after each visit, the most informative visits first."""
     visit = plan.visit_share * np.array([*plan.information.take(plan.used)])
     nested = nested_plans(visit, plan.exact.repetitions[plan.used])
     first = text.listed([str(q + 1) for q in dict.fromkeys(nested.order.tolist())])
-    cost = np.arange(1, len(nested.order) + 1)
-    certified = plan.design.criterion == "D" and not choice.limited and plan.robust is None
+    time = growing_time(study, plan, nested.order)
+    cost, label = (
+        (np.arange(1, len(nested.order) + 1), "visits")
+        if time is None
+        else (time / 60, "robot time [min]")
+    )
+    certified = plan.design.criterion == "D" and not study.design.limited and plan.robust is None
     bound = nested.efficiency(plan.design, plan.visit_share) if certified else None
-    drawing = plan_figures.trade_off(cost, nested.std, plan.information.names, bound=bound)
-    alt = "Largest and median standard deviation over the number of visits"
+    names = plan.information.names
+    drawing = plan_figures.trade_off(cost, nested.std, names, bound=bound, label=label)
+    alt = f"Largest and median standard deviation over {label}"
     return figure("growth", drawing, alt, caption=first)
 
 

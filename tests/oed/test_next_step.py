@@ -9,7 +9,7 @@ from estimators.trust.intervals import Verdict
 from estimators.uncertainty.identifiability import identifiability
 from oed.study.next_step import next_step
 from oed.study.results import FittedStudy, PlannedStudy
-from oed.study.robot_time import robot_time
+from oed.study.robot_time import growing_time, robot_time
 
 NAMES = ("g1.stiffness", "g1.damping")
 
@@ -92,3 +92,25 @@ def test_a_plan_is_measured_in_its_order():
 
 def test_measured_data_take_no_robot_time():
     assert robot_time(PlannedStudy(None, None, plan_of([1, 1]), None)) is None
+
+
+def test_time_grows_by_visits_and_by_moves_to_new_positions():
+    study = SimpleNamespace(design=SimpleNamespace(measuring=40.0))
+    plan = SimpleNamespace(order=SimpleNamespace(duration=30.0))
+    time = growing_time(study, plan, np.array([2, 0, 2, 1, 0]))
+    np.testing.assert_allclose(time, [50, 100, 140, 190, 230])
+    plan.order = None
+    np.testing.assert_allclose(growing_time(study, plan, np.array([1, 1])), [40, 80])
+
+
+def test_time_of_simulated_runs_counts_their_periods():
+    excitation = SimpleNamespace(
+        blocks=2, periods=3, transient_periods=1, settle=5.0, multisine=SimpleNamespace(period=10.0)
+    )
+    study = SimpleNamespace(
+        design=SimpleNamespace(measuring=None), data=SimpleNamespace(experiment=excitation)
+    )
+    plan = SimpleNamespace(order=None, runs_per_visit=3)
+    np.testing.assert_allclose(growing_time(study, plan, np.array([4, 4])), [245, 490])
+    study.data.experiment = None
+    assert growing_time(study, plan, np.array([4, 4])) is None
