@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from estimators import Fit, FrfEstimate, Posterior, RunFit, Uncertainty
+from estimators import Fit, FrfEstimate, Posterior, Profile, RunFit, Uncertainty
 from estimators.uncertainty.standardised_residuals import standardised_residuals
 from estimators.validation.predict_tool import ToolPrediction
 from oed import Design, ExactDesign, ExperimentCurve, TimeCurve
@@ -19,6 +19,7 @@ from reports.figures import (
     mode_figures,
     plan_figures,
     posterior_figures,
+    profile_figures,
     residual_figures,
     study_figures,
     uncertainty_figures,
@@ -207,6 +208,33 @@ def traces(
     names, i = _parameters(uncertainty, parameters)
     deviations = 100 * (posterior.chains - np.log(estimate))[..., i]
     return in_light(posterior_figures.traces(names, deviations))
+
+
+def profiles(curves: Sequence[Profile], uncertainty: Uncertainty, estimate: Array) -> Figure:
+    """Return profile likelihoods beside the parabolas of a covariance.
+
+    Parameters
+    ----------
+    curves : sequence of Profile
+        Of `profile_likelihood` with `points`.
+    uncertainty : Uncertainty
+        Covariance, such as Theorem 1's.
+    estimate : ndarray, (p,)
+        Estimated parameters [SI].
+
+    Raises
+    ------
+    InvalidInput
+        If a profile has no curve, or a parameter is unknown.
+    """
+    _, i = _parameters(uncertainty, [one.name for one in curves])
+    for one in curves:
+        if not np.isfinite(one.curve[1:]).any():
+            raise InvalidInput(
+                f"curves: {one.name} has none; call `profile_likelihood` with points=9"
+            )
+    drawing = profile_figures.profiles(curves, estimate[i], uncertainty.std[i])
+    return in_light(drawing)
 
 
 def correlation(uncertainty: Uncertainty) -> Figure:

@@ -9,6 +9,7 @@ import numpy as np
 from estimators.fitting.least_squares import Fit
 from estimators.fitting.run_fit import RunFit
 from estimators.sampling.posterior import Posterior
+from estimators.sampling.profile_likelihood import Profile
 from estimators.structure.choose_structure import StructureChoice
 from estimators.structure.power import StructurePower
 from estimators.structure.score_table import ScoreTable
@@ -212,12 +213,15 @@ class UncertaintyOfResult:
         Sample of the posterior.
     cross_check : CrossCheck or None
         All methods side by side, with verdicts.
+    profiles : tuple of Profile
+        Profile likelihoods of the least certain parameters, with curves.
     """
 
     names: tuple[str, ...]
     theorem1: Uncertainty | None
     posterior: Posterior | None
     cross_check: CrossCheck | None
+    profiles: tuple[Profile, ...] = ()
 
     @property
     def std(self) -> Array:

@@ -177,7 +177,13 @@ def _results(
         _record(run.stages),
         source.results_data,
         fits.results,
-        UncertaintyOfResult(names, _value(theorem1), _value(methods.posterior), _value(check)),
+        UncertaintyOfResult(
+            names,
+            _value(theorem1),
+            _value(methods.posterior),
+            _value(check),
+            methods.profile_likelihoods,
+        ),
         _value(methods.comparison),
         _value(held_out),
     )

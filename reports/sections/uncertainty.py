@@ -7,7 +7,7 @@ from estimators.sampling.posterior import Posterior
 from estimators.uncertainty.covariance import Uncertainty
 from oed.study.results import StudyResults
 from reports import text
-from reports.figures import posterior_figures, uncertainty_figures
+from reports.figures import posterior_figures, profile_figures, uncertainty_figures
 from reports.page_elements import (
     Column,
     Figure,
@@ -46,6 +46,7 @@ def section(results: StudyResults, theorem1: Uncertainty, posterior: Posterior) 
         corner=corner(results, theorem1, posterior),
         corner_names=corner_names(theorem1),
         traces=traces(results, theorem1, posterior),
+        profiles=profiles(results, theorem1),
         convergence=convergence_table(posterior),
     )
     return Section("uncertainty", "Uncertainty", body)
@@ -92,6 +93,18 @@ def traces(results: StudyResults, theorem1: Uncertainty, posterior: Posterior) -
     chains = 100 * (posterior.chains - np.log(results.fits.result.parameters.values))[..., i]
     alt = f"Means of each ensemble along the chain, and ranks of its draws, of {text.listed(names)}"
     return figure("traces", posterior_figures.traces(names, chains), alt)
+
+
+def profiles(results: StudyResults, theorem1: Uncertainty) -> Figure | None:
+    """Return profile likelihoods beside Theorem 1's parabolas; None where there are no profiles."""
+    curves = [one for one in results.uncertainty.profiles if one.curve.size]
+    if not curves:
+        return None
+    i = [theorem1.names.index(one.name) for one in curves]
+    estimate = results.fits.result.parameters.values[i]
+    drawing = profile_figures.profiles(curves, estimate, theorem1.std[i])
+    alt = f"Profile likelihoods of {text.listed([one.name for one in curves])}"
+    return figure("profiles", drawing, alt)
 
 
 def convergence_table(p: Posterior) -> Table:

@@ -160,3 +160,22 @@ def test_convergence_has_a_dot_for_each_round_and_the_gap_of_the_design():
     np.testing.assert_array_equal(final.get_ydata(), 2e-9)
     assert axes.get_yscale() == "log"
     assert axes.yaxis.get_major_formatter()(1e-8, 0).endswith("10⁻⁸")  # SVG files have no mathtext
+
+
+def test_profiles_of_good_data_are_the_parabolas_of_the_covariance(fit):
+    uncertainty = estimators.covariance(fit)
+    curves = estimators.profile_likelihood(fit, fit.parameters.names[:2], points=9)
+    figure = plots.profiles(curves, uncertainty, fit.parameters.values)
+    shown = [axes for axes in figure.axes if axes.get_visible()]
+    assert [axes.get_title(loc="left") for axes in shown] == list(fit.parameters.names[:2])
+    for axes in shown:
+        curve, dots, parabola = (line.get_xydata().T for line in axes.lines[:3])
+        low = parabola[1] < 4
+        np.testing.assert_allclose(curve[1][low], parabola[1][low], atol=0.3)
+        assert dots.shape == (2, 10)
+    doubled = SimpleNamespace(names=uncertainty.names, std=2 * uncertainty.std)
+    wide = plots.profiles(curves, doubled, fit.parameters.values).axes[0].lines
+    assert np.abs(wide[0].get_ydata() - wide[2].get_ydata()).max() > 3
+    with pytest.raises(robotmodels.InvalidInput, match=r"stiffness has none; call `profile_lik"):
+        without = estimators.profile_likelihood(fit, fit.parameters.names[:1])
+        plots.profiles(without, uncertainty, fit.parameters.values)

@@ -8,6 +8,7 @@ from typing import TypeVar
 from estimators.fitting.fitted_model import FittedModel
 from estimators.sampling.importance_sampling import importance_sample
 from estimators.sampling.posterior import Posterior
+from estimators.sampling.profile_likelihood import Profile
 from estimators.uncertainty.covariance import Uncertainty
 from estimators.validation.cross_check import CrossCheck, cross_check as compare_methods
 from estimators.validation.monte_carlo import MonteCarlo
@@ -33,6 +34,11 @@ class CrossCheckInputs:
     profiles: Stage[Profiles] | None
     comparison: Stage[PlanComparison] | None
 
+    @property
+    def profile_likelihoods(self) -> tuple[Profile, ...]:
+        """The profile likelihoods, if there are any."""
+        return () if self.profiles is None else self.profiles.value.profiles
+
 
 def cross_check(
     run: Run,
@@ -53,7 +59,7 @@ def cross_check(
             posterior=_value(methods.posterior),
             cost_posterior=_value(methods.cost_posterior),
             importance=importance_sample(likelihood_of(fit), rng=run.rng("importance")),
-            profiles=() if methods.profiles is None else methods.profiles.value.profiles,
+            profiles=methods.profile_likelihoods,
             monte_carlo=repeated,
             multistart=[one for one in runs if one.converged],
         )

@@ -13,6 +13,8 @@ from oed.study.stages.run import Run
 from oed.study.stages.uncertainty import needed
 from robotmodels.common.progress import Progress
 
+_POINTS = 9  # of each curve
+
 
 @dataclass(frozen=True, eq=False)
 class Profiles:
@@ -40,11 +42,14 @@ def profiles(
 
     def compute(folder: Path, report: Progress | None) -> Profiles:
         pool = run.executor
-        return Profiles(profile_likelihood(fit, names, executor=pool, progress=report))
+        return Profiles(
+            profile_likelihood(fit, names, points=_POINTS, executor=pool, progress=report)
+        )
 
     inputs = {
         "robot": run.robot_digest,
         "result": result.digest,
         "parameters": names,
+        "points": _POINTS,
     }
     return run.stages.run("profiles", inputs, compute, dataclass_files(Profiles))
