@@ -176,6 +176,6 @@ def test_profiles_of_good_data_are_the_parabolas_of_the_covariance(fit):
     doubled = SimpleNamespace(names=uncertainty.names, std=2 * uncertainty.std)
     wide = plots.profiles(curves, doubled, fit.parameters.values).axes[0].lines
     assert np.abs(wide[0].get_ydata() - wide[2].get_ydata()).max() > 3
+    without = estimators.profile_likelihood(fit, fit.parameters.names[:1])
     with pytest.raises(robotmodels.InvalidInput, match=r"stiffness has none; call `profile_lik"):
-        without = estimators.profile_likelihood(fit, fit.parameters.names[:1])
         plots.profiles(without, uncertainty, fit.parameters.values)
