@@ -1,7 +1,8 @@
 # %% [markdown]
 # # Design only: where to put the robot
 #
-# Which 15 of 450 positions tell most of the springs and dampers of a UR10, and what are they worth?
+# Which 15 of 450 positions are most informative about the springs and dampers of a UR10, and how
+# accurate would the estimates be?
 # Nothing is measured or simulated here: a design needs a model, frequencies and a noise law.
 
 # %%
@@ -61,6 +62,7 @@ axes.fill_between(
 )  # fmt: skip
 axes.set(xlabel="experiments", ylabel="standard deviation, geometric mean [%]")
 axes.set_xticks(numbers, numbers)
+axes.set_yticks([0.3, 0.5, 0.7, 1.0, 1.4], ["0.3", "0.5", "0.7", "1.0", "1.4"])
 axes.minorticks_off()
 axes.legend()
 plt.show()

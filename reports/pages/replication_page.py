@@ -66,7 +66,7 @@ def _banner(conclusions: Sequence[Judged]) -> Markup:
     return page_banner(
         f"{supported} of {text.plural(len(conclusions), 'conclusion')} supported",
         "sound" if supported == len(conclusions) else "doubtful",
-        "; ".join(f"{text.sentence(verdict)}: {text.ranges(i)}" for verdict, i in numbers.items()),
+        text.sentence("; ".join(f"{one}: {text.ranges(i)}" for one, i in numbers.items())),
         quote="Numbers to quote, with their verdict, are in the report of the study.",
         next_step=step,
     )
