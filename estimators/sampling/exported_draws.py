@@ -125,6 +125,26 @@ def parameter_draws(
     return np.asarray(rng.multivariate_normal(np.log(values), covariance, count))
 
 
+def fit_draws(
+    fit: FittedModel | ElasticRobot, posterior: Array | None, count: int, rng: np.random.Generator
+) -> Array:
+    """Return draws of ln theta, (count, p): of a posterior (N, p), all if it is shorter.
+
+    Without a posterior, of `recommended_uncertainty`.
+    """
+    if posterior is not None:
+        return np.asarray(rng.choice(posterior, min(count, len(posterior)), replace=False))
+    covariance = recommended_uncertainty(fit).covariance
+    return parameter_draws(np.asarray(fit.parameters.values), covariance, count, rng)
+
+
+def spread_words(fit: FittedModel | ElasticRobot, posterior: Array | None) -> str:
+    """Return what draws and bands rest on: a posterior or a covariance."""
+    if posterior is not None:
+        return "draws of the study's posterior"
+    return f"covariance, {recommended_uncertainty(fit).method}"
+
+
 def _checked(values: Array, name: str, shape: tuple[int, int]) -> Array:
     array = real_numbers(values, name)
     if array.shape != shape or not np.isfinite(array).all():

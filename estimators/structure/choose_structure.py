@@ -38,7 +38,8 @@ class StructureStep:
     instead_of : str
         Spring that it replaced.
     expected, fall : float
-        Expected and actual fall of the fit's cost.
+        Expected and actual fall of the fit's cost; of an exchange `expected` is that from the fit
+        without either spring.
     bic : float
         Schwarz's criterion after the step: twice the cost and ln N for each parameter; of weights
         that make no likelihood of the cost it means nothing.
@@ -77,11 +78,13 @@ class StructureChoice(ReprHtml):
     steps : tuple of StructureStep
         How they were chosen.
     table : ScoreTable
-        Score tests of the last fit.
+        Score tests of the last fit: of springs, numbers of the robot file, and lines.
     bic : tuple of float
         Schwarz's criterion of the first and of the last fit.
     stopped : str
         Why no further spring was added.
+    level : float
+        Probability of a false alarm of all score tests together.
     """
 
     fit: FittedModel
@@ -91,6 +94,25 @@ class StructureChoice(ReprHtml):
     table: ScoreTable
     bic: tuple[float, float]
     stopped: str
+    level: float
+
+    @property
+    def contradicted(self) -> tuple[str, ...]:
+        """Numbers of the robot file, and lines, that the data contradict beside the springs."""
+        firing = self.table.significant(self.level)
+        return tuple(score.name for score in firing if score.spring is None)
+
+    @property
+    def caution(self) -> str:
+        """What to do about these first; nothing where there are none."""
+        names = self.contradicted
+        more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+        return (
+            f"the data contradict {', '.join(names[:3])}{more}: correct, free or leave out the "
+            "first of these and select springs again, as springs may stand in for it"
+            if names
+            else ""
+        )
 
     def __str__(self) -> str:
         count = len(self.springs)
@@ -102,7 +124,8 @@ class StructureChoice(ReprHtml):
             lines.append(f"  {spring.name}: {stiffness:.4g}, damping {spring.damping:.4g}{group}")
         first, last = self.bic
         lines.append(f"  BIC {first:.6g} before, {last:.6g} now")
-        return "\n".join([*lines, *(f"  {step}" for step in self.steps)])
+        lines += [f"  {step}" for step in self.steps]
+        return "\n".join([*lines, f"  {self.caution}"] if self.caution else lines)
 
 
 def choose_structure(
@@ -153,9 +176,10 @@ def choose_structure(
         tuple(_at(spring, values) for spring in choice.added),
         {spring.name: choice.twins(spring) for spring in choice.added},
         tuple(choice.steps),
-        choice.refits.scores(end),
+        choice.refits.scores(end, numbers=True),
         (_bic(fit), _bic(end)),
         stopped,
+        level,
     )
 
 
@@ -174,7 +198,7 @@ class _Choice:
         table = self.refits.scores(self.fit)
         firing = [score for score in table.significant(self.level) if score.fall > 0]
         if not firing:
-            return f"no score test of a spring is significant at {100 * self.level:g} %"
+            return f"no score test of a further spring is significant at {100 * self.level:g} %"
         for first in range(0, min(len(firing), 3 * SHORTLIST), SHORTLIST):
             best = self.refits.best(self.fit, self.added, firing[first : first + SHORTLIST])
             if best is not None:

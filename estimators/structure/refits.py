@@ -74,11 +74,11 @@ class Refits:
     elements: tuple[Spring, ...]
     damping_times: tuple[float, ...]
 
-    def scores(self, fit: FittedModel) -> ScoreTable:
-        """Return the score tests of the elements that a fit's robot has not."""
+    def scores(self, fit: FittedModel, *, numbers: bool = False) -> ScoreTable:
+        """Return the score tests of the elements that a fit's robot has not, and of numbers."""
         names = {spring.name for spring in underlying_robot(fit.model).file.springs}
         absent = [spring for spring in self.elements if spring.name not in names]
-        return score_tests(fit, absent, damping_times=self.damping_times, numbers=False)
+        return score_tests(fit, absent, damping_times=self.damping_times, numbers=numbers)
 
     def replacements(
         self, fit: FittedModel, springs: Sequence[Spring], spring: Spring, rivals: int

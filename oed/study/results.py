@@ -6,10 +6,9 @@ from typing import Self
 
 import numpy as np
 
-from estimators.sampling.exported_draws import parameter_draws
+from estimators.sampling.exported_draws import fit_draws, spread_words
 from estimators.structure.power import StructurePower
 from estimators.trust.trust import Trust
-from estimators.uncertainty.recommended import recommended_uncertainty
 from estimators.validation.controller_margins import ControllerMargins, controller_margins
 from estimators.validation.predict_tool import ToolPrediction, predict_tool
 from oed.experiment.prepare import controller_of
@@ -25,6 +24,7 @@ from oed.study.parts import (
 )
 from oed.study.settings.study_file import Study
 from oed.study.stage_cache import Failure
+from oed.study.stages.design_inputs import purpose_of
 from oed.study.stages.validation import HeldOut
 from oed.study.summary import (
     FitSummary,
@@ -40,8 +40,8 @@ from robotmodels.common.arrays import Array
 _SHOWN = 6
 """Positions of the plan in which tool and controller are predicted."""
 
-_DRAWS = 40
-"""Draws of the fit for the bands of a controller's margins."""
+_TOOL_DRAWS, _MARGIN_DRAWS = 200, 40
+"""Draws of a posterior for the bands of the tool, and of the fit for a controller's margins."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +79,18 @@ class PlannedStudy:
     def powers(self) -> tuple[StructurePower, ...]:
         """What the plan's data will tell of springs that it is to tell apart."""
         return self.plan.powers if isinstance(self.plan, DesignedPlan) else ()
+
+    @cached_property
+    def purpose_std(self) -> float | None:
+        """Relative standard deviation that the plan leaves to its purpose; None without one.
+
+        The root mean square over the purpose's region, tr(L C)^(1/2) with C that of ln theta.
+        """
+        if self.study.design.purpose is None:
+            return None
+        promise, L = self.plan.promise, purpose_of(self.study.design.purpose, self.robot).matrix
+        shares = np.einsum("kp,pr,kr->k", promise.directions, L, promise.directions)
+        return float(np.sqrt((shares * promise.direction_std**2)[shares > 0].sum()))
 
     def with_failures(self, *failures: Failure) -> Self:
         """Return the results with more failures."""
@@ -155,9 +167,25 @@ class StudyResults(FittedStudy):
         return np.log(self.fits.result.parameters.values / self.truth) / self.uncertainty.std
 
     @cached_property
+    def posterior_draws(self) -> Array | None:
+        """Draws of ln theta, (N, p), of a posterior that converged; None without one."""
+        posterior = self.uncertainty.posterior
+        return None if posterior is None or not posterior.converged else posterior.draws
+
+    @property
+    def spread(self) -> str:
+        """What the bands of tool and controller rest on, in words."""
+        return spread_words(self.fits.result, self.posterior_draws)
+
+    def _drawn(self, count: int) -> Array:
+        rng = np.random.default_rng(0)
+        return fit_draws(self.fits.result, self.posterior_draws, count, rng)
+
+    @cached_property
     def tool(self) -> ToolPrediction:
         """Compliance and modes at the end of the last link in some of the plan's positions."""
-        return predict_tool(self.fits.result, self.plan.positions[:_SHOWN])
+        drawn = None if self.posterior_draws is None else self._drawn(_TOOL_DRAWS)
+        return predict_tool(self.fits.result, self.plan.positions[:_SHOWN], spread=drawn)
 
     @cached_property
     def controller(self) -> ControllerMargins | None:
@@ -166,9 +194,8 @@ class StudyResults(FittedStudy):
         if settings is None:
             return None
         feedback = linear_feedback(controller_of(settings, self.robot))
-        covariance, rng = recommended_uncertainty(best).covariance, np.random.default_rng(0)
-        draws = parameter_draws(best.parameters.values, covariance, _DRAWS, rng)
-        return controller_margins(best, feedback, self.plan.positions[:_SHOWN], draws)
+        drawn = self._drawn(_MARGIN_DRAWS)
+        return controller_margins(best, feedback, self.plan.positions[:_SHOWN], drawn)
 
     @cached_property
     def uncertainty_summary(self) -> UncertaintySummary:

@@ -14,6 +14,7 @@ from reports.commands.workers import one_thread_each
 
 if TYPE_CHECKING:
     from estimators.fitting.fitted_model import FittedModel
+    from estimators.trust.trust import Trust
     from robotmodels import ElasticRobot
     from robotmodels.common.arrays import Array
 
@@ -69,25 +70,39 @@ class Identified:
     @property
     def spread(self) -> str:
         """What bands rest on, in words."""
-        from estimators import recommended_uncertainty
+        from estimators.sampling.exported_draws import spread_words
 
-        if self.posterior is not None:
-            return "draws of the study's posterior"
-        return f"covariance, {recommended_uncertainty(self.source).method}"
+        return spread_words(self.source, self.posterior)
 
     def draws(self, count: int, seed: int) -> "Array":
         """Return draws of ln theta, (count, p), or all of a shorter posterior."""
         import numpy as np
 
-        from estimators import recommended_uncertainty
-        from estimators.sampling.exported_draws import parameter_draws
+        from estimators.sampling.exported_draws import fit_draws
 
-        rng = np.random.default_rng(seed)
-        if self.posterior is not None:
-            some = min(count, len(self.posterior))
-            return np.asarray(rng.choice(self.posterior, some, replace=False))
-        covariance = recommended_uncertainty(self.source).covariance
-        return parameter_draws(self.source.parameters.values, covariance, count, rng)
+        return fit_draws(self.source, self.posterior, count, np.random.default_rng(seed))
+
+    @property
+    def trust(self) -> "Trust | None":
+        """How far the study's fit is to be trusted; None of a robot file."""
+        return getattr(self.source, "trust", None)
+
+    @property
+    def verdict(self) -> dict[str, str]:
+        """The verdict on the study's fit, and its reason; nothing of a robot file."""
+        if self.trust is None:
+            return {}
+        return {"verdict": str(self.trust.verdict), "reason": self.trust.verdict.reason}
+
+    def with_caution(self, summary: str) -> str:
+        """Return a summary below the verdict on the fit, unless that is sound."""
+        from reports.sections.verdict import KINDS, headline
+        from reports.summaries.columns import hung, plain
+
+        if self.trust is None or KINDS.get(self.trust.verdict) == "sound":
+            return summary
+        words = plain(f"{headline(self.trust)}; {self.trust.verdict.reason}")
+        return "\n".join([*hung("", words, 2), summary])
 
 
 def read_source(

@@ -57,8 +57,12 @@ def margins(
     computed = _computed(model, loop, draws, seed)
     files = _written(computed, model, (output or model.folder).resolve())
     say(
-        lambda: margins_summary(computed, model.spread, files),
-        lambda: margins_document(computed, model.spread) | {"files": list(map(str, files))},
+        lambda: model.with_caution(margins_summary(computed, model.spread, files)),
+        lambda: (
+            margins_document(computed, model.spread)
+            | model.verdict
+            | {"files": list(map(str, files))}
+        ),
         as_json,
     )
 
@@ -86,11 +90,10 @@ def _written(computed: "ControllerMargins", model: Identified, target: Path) -> 
 
     with staged_folder(target) as staged:
         (staged / "margins.csv").write_text(margins_csv(computed), encoding="utf-8")
-        document = json_text(margins_document(computed, model.spread))
+        document = json_text(margins_document(computed, model.spread) | model.verdict)
         (staged / "margins.json").write_text(document, encoding="utf-8")
-        trust = getattr(model.source, "trust", None)
         page = staged / "margins.html"
-        write_margins_page(computed, model.robot.name, model.spread, page, trust)
+        write_margins_page(computed, model.robot.name, model.spread, page, model.trust)
     return [target / f"margins.{ending}" for ending in ("csv", "json", "html")]
 
 

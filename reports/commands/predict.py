@@ -80,8 +80,12 @@ def predict(
     prediction = predict_tool(model.source, model.positions, frame, omega, spread=drawn, **words)
     files = _written(prediction, model, (output or model.folder).resolve())
     say(
-        lambda: tool_summary(prediction, model.spread, files),
-        lambda: tool_document(prediction, model.spread) | {"files": list(map(str, files))},
+        lambda: model.with_caution(tool_summary(prediction, model.spread, files)),
+        lambda: (
+            tool_document(prediction, model.spread)
+            | model.verdict
+            | {"files": list(map(str, files))}
+        ),
         as_json,
     )
 
@@ -95,7 +99,9 @@ def _written(prediction: "ToolPrediction", model: Identified, target: Path) -> l
 
     contents = {
         "prediction.csv": summary.tool_csv(prediction, model.robot.motor_names),
-        "prediction.json": json_text(summary.tool_document(prediction, model.spread)),
+        "prediction.json": json_text(
+            summary.tool_document(prediction, model.spread) | model.verdict
+        ),
     }
     if prediction.response is not None:
         contents["response.csv"] = summary.response_csv(prediction)
@@ -107,7 +113,7 @@ def _written(prediction: "ToolPrediction", model: Identified, target: Path) -> l
             model.robot.name,
             model.spread,
             staged / "prediction.html",
-            getattr(model.source, "trust", None),
+            model.trust,
         )
     return [target / name for name in (*contents, "prediction.html")]
 

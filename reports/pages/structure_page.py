@@ -62,13 +62,21 @@ def write_structure_page(results: FittedStudy, structure: Structure, path: Path)
 
 def _banner(structure: Structure) -> Markup:
     """Return how many springs the data ask for, and what to do with them."""
-    springs, reason = structure.choice.springs, text.sentence(structure.choice.stopped)
+    choice = structure.choice
+    springs, reason = choice.springs, text.sentence(choice.stopped)
+    if choice.caution:
+        return page_banner(
+            f"{text.plural(len(springs), 'spring')} added, but the robot file is in doubt",
+            "doubtful",
+            reason,
+            next_step=choice.caution,
+        )
     if not springs:
         step = "keep the springs of the robot file"
         return page_banner("No spring is missing", "sound", reason, next_step=step)
     verdict = f"{text.plural(len(springs), 'spring')} missing in the robot file"
     step = "fit again with the robot file beside this page, which has the springs"
-    if any(structure.choice.twins[one.name] for one in springs):
+    if any(choice.twins[one.name] for one in springs):
         step += "; of springs in one row the data cannot tell which it is: tie or fix all but one"
     return page_banner(verdict, "doubtful", reason, next_step=step)
 

@@ -21,6 +21,7 @@ from reports.page_elements import (
     numbers,
     table,
 )
+from reports.sections.tool import bands_words
 from robotmodels import DeterminantLocus
 
 
@@ -29,7 +30,7 @@ def section(results: StudyResults) -> Section | None:
     if results.uncertainty.theorem1 is None or results.controller is None:
         return None
     body = loops_body(results.controller) + stability_body(results.controller)
-    return Section("controller", "Controller", body)
+    return Section("controller", "Controller", body + bands_words(results))
 
 
 def loops_body(margins: ControllerMargins) -> Markup:

@@ -55,6 +55,7 @@ def section(results: PlannedStudy) -> Section:
         parameters=len(design.names),
         cost=cost(results),
         promised=promised_table(results),
+        purpose=None if results.purpose_std is None else text.percent(results.purpose_std),
         powers=results.powers,
         ends=[(one.name, text.percent(one.std)) for one in (summary.best, summary.worst)],
         gap=text.one_and(summary.gap),

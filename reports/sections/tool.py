@@ -1,6 +1,7 @@
 """How stiff the tool is in the plan's positions, and how sure that is."""
 
 import numpy as np
+from markupsafe import Markup
 
 from estimators.validation.predict_tool import ToolPrediction
 from oed.study.results import StudyResults
@@ -20,7 +21,13 @@ def section(results: StudyResults) -> Section | None:
         "Resonances and damping ratios of the lowest modes in each position",
         caption="Lowest modes in each position, with one standard deviation.",
     )
-    return Section("tool", "Tool", filled("prediction.html.j2", figures=[modes], table=shown))
+    body = filled("prediction.html.j2", figures=[modes], table=shown)
+    return Section("tool", "Tool", body + bands_words(results))
+
+
+def bands_words(results: StudyResults) -> Markup:
+    """Return a paragraph on what the bands rest on."""
+    return filled("bands.html.j2", spread=results.spread)
 
 
 def prediction_table(prediction: ToolPrediction) -> Table:

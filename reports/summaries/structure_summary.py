@@ -7,7 +7,8 @@ import numpy as np
 
 from estimators.structure.score_table import Score
 from oed.study.parts import Structure
-from reports.summaries.columns import number, plural, table
+from reports.summaries.columns import number, plural, table, wrapped
+from reports.text import sentence
 
 SHOWN = 12
 """Score tests that are listed."""
@@ -31,6 +32,8 @@ def structure_summary(structure: Structure, files: Sequence[Path]) -> str:
         lines += table(header, springs, right=(1, 2))
     if any(choice.twins.values()):
         lines.append("  Springs in one row are indistinguishable: tie them, or fix all but one.")
+    if choice.caution:
+        lines += wrapped(f"{sentence(choice.caution)}.")
     lines += _steps(structure)
     lines += [f"  {power}" for power in structure.powers]
     scores = [score_words(score) for score in structure.scores[:SHOWN]]
@@ -74,6 +77,7 @@ def structure_json(structure: Structure, files: Sequence[Path]) -> dict[str, obj
             for spring in choice.springs
         ],
         "stopped": choice.stopped,
+        "contradicted": list(choice.contradicted),
         "bic": list(choice.bic),
         "held_out": structure.held_out,
         "powers": [vars(power) for power in structure.powers],

@@ -62,6 +62,8 @@ def study_json(results: PlannedStudy, written: list[Path]) -> dict[str, Any]:
         "robot_time": json_data(robot_time(r)),
         "next_step": json_data(next_step(r)),
     }
+    if r.purpose_std is not None:
+        document["purpose_std"] = r.purpose_std
     if r.powers:
         document["springs"] = [vars(power) for power in r.powers]
     if isinstance(r, FittedStudy):
@@ -113,8 +115,15 @@ def _design_lines(r: PlannedStudy) -> Lines:
             f"{plain(efficiency(plan.efficiency))}",
         ),
         *_promise_lines(plan),
+        *([] if r.purpose_std is None else [("purpose", _purpose_words(r, r.purpose_std))]),
         *[("" if i else "springs", str(power)) for i, power in enumerate(r.powers)],
     ]
+
+
+def _purpose_words(r: PlannedStudy, std: float) -> str:
+    assert r.study.design.purpose is not None
+    size = _percent(std) if np.isfinite(std) else "not at all"
+    return f"{r.study.design.purpose.quantity}, std {size} (root mean square over its region)"
 
 
 def _promise_lines(plan: PlanSummary) -> Lines:

@@ -21,6 +21,7 @@ from robotmodels.common.errors import InvalidInput
 from robotmodels.description.outputs import Output
 from robotmodels.elastic.arm import build_arm
 from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.elastic.segments import link_frame
 from robotmodels.linear.linear_model import LinearModel
 from robotmodels.linear.response import Elastic, check_omega
 
@@ -191,6 +192,7 @@ def frame_kinematics(
     robot: ElasticRobot, frame: Frame, coordinates: Array, theta: Array
 ) -> tuple[Array, Array]:
     """Return Jacobians (Q, 6, arm size) and positions (Q, 3) at the arm's `coordinates`."""
+    link_frame(robot.rigid, frame.link, "frame")
     sensor = Output(
         name="frame",
         link=frame.link,

@@ -8,7 +8,9 @@ import pytest
 from conftest import oed
 
 import robotmodels
-from estimators import Posterior
+from estimators import Posterior, ToolCompliance, predict
+from oed.study.pipeline import run_study
+from oed.study.settings.study_file import load_study
 from robotmodels import Frame, compliance_ellipsoid, tool_model
 from robotmodels.common.dataclass_files import read_dataclass
 
@@ -28,15 +30,32 @@ def stored_draws(results: Path) -> np.ndarray:
     return read_dataclass(results / "stages/posterior/result.h5", Posterior).draws
 
 
+def softest_of_draws(robot, positions, frame, draws) -> list[np.ndarray]:
+    return [
+        compliance_ellipsoid(tool_model(robot, positions, frame, theta).compliance()).values[:, 0]
+        for theta in np.exp(draws)
+    ]
+
+
+def test_the_report_draws_from_it(study: Path, small_study) -> None:
+    results = run_study(load_study(study))
+    prediction, draws = results.tool, stored_draws(small_study[0])[::20]
+    positions = prediction.compliance.positions
+    softest = softest_of_draws(results.robot, positions, prediction.frame, draws)
+    expected = np.log(softest).std(axis=0)
+    np.testing.assert_allclose(prediction.compliance.std[:, 0], expected, rtol=0.25)
+    bands = predict(results.fits.result, ToolCompliance(prediction.frame), positions)
+    assert (bands.std != prediction.compliance.std)[:, :2].all()
+    page = (small_study[0] / "report.html").read_text()
+    assert "Bands rest on draws of the study" in page
+
+
 def test_bands_are_those_of_its_draws(study: Path, small_study, tmp_path: Path) -> None:
     content = answered("predict", study, "-o", tmp_path, "--draws", 400)
     assert content["spread"] == "draws of the study's posterior"
     robot = robotmodels.load_robot(study.parent / "robot.yaml")
     frame, positions = Frame(content["frame"]["link"]), np.array(content["positions"])
-    softest = [
-        compliance_ellipsoid(tool_model(robot, positions, frame, theta).compliance()).values[:, 0]
-        for theta in np.exp(stored_draws(small_study[0])[::20])
-    ]
+    softest = softest_of_draws(robot, positions, frame, stored_draws(small_study[0])[::20])
     ends = np.quantile(softest, [0.025, 0.975], axis=0)
     lower, upper = (np.array(content["compliance"][name])[:, 0] for name in ("lower", "upper"))
     np.testing.assert_allclose(upper - lower, ends[1] - ends[0], rtol=0.25)

@@ -51,6 +51,7 @@ def test_hidden_springs_are_chosen_with_their_values(choice, base):
     assert choice.fit.cost == pytest.approx(base.estimate.response.size, rel=0.1)
     assert choice.bic[1] < choice.bic[0]
     assert "2 springs added" in str(choice)
+    assert choice.contradicted == ()
     # Each step lowered the cost about as much as its score test said.
     for step in choice.steps:
         assert step.fall >= 0.5 * step.expected
@@ -63,6 +64,18 @@ def test_nothing_is_added_to_a_right_model():
     assert choice.springs == ()
     assert choice.steps == ()
     assert choice.stopped.startswith("no score test")
+    assert choice.contradicted == ()
+    assert choice.caution == ""
+
+
+def test_a_wrong_payload_is_named_beside_springs_that_stand_in_for_it():
+    heavy = ROBOT.file.payload.model_copy(update={"mass": 1.3 * ROBOT.file.payload.mass})
+    truth = type(ROBOT)(ROBOT.file.model_copy(update={"payload": heavy}), ROBOT.folder)
+    estimate = simulate_frf(truth, POSITIONS, OMEGA, NOISE, np.random.default_rng(2))
+    choice = choose_structure(fit(ROBOT, estimate, "nls", "optimal"), SPRINGS, most=1)
+    assert choice.contradicted[0] == "payload.mass"
+    assert choice.caution.startswith("the data contradict payload.mass")
+    assert choice.caution in str(choice)
 
 
 def test_a_refit_that_ends_far_from_what_is_expected_is_not_accepted(base, monkeypatch):

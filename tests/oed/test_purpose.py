@@ -9,8 +9,11 @@ from robots import HERE, built
 import oed
 import robotmodels
 from estimators import Resonances, ToolCompliance, log_gradients
+from oed.study.pipeline import design_study
 from oed.study.settings.design_settings import DesignChoice
+from oed.study.settings.study_file import load_study
 from oed.study.stages.design_inputs import criterion_of
+from reports.summaries.study_summary import study_json, study_summary
 from robotmodels import Frame, InvalidInput, RelativeNoise, linear_feedback, loop_margins
 from robotmodels.simulation.controller import default_controller
 
@@ -87,8 +90,44 @@ def test_studies_have_purposes() -> None:
     for wrong in ({"criterion": "I"}, {"purpose": keys["purpose"]}):
         with pytest.raises(ValidationError, match="criterion I needs one"):
             DesignChoice.model_validate(wrong)
+    of_modes = {"quantity": "resonances", "direction": [0.0, 0.0, 1.0]}
+    for name, foreign in {
+        "direction": of_modes,
+        "motors": keys["purpose"] | {"motors": "free"},
+    }.items():
+        with pytest.raises(ValidationError, match=f"{name}: .* has no such setting"):
+            DesignChoice.model_validate({"criterion": "I", "purpose": foreign})
     mistakes = {"'toool' is not a link": {"link": "toool"}, "'knee'": {"region": {"knee": [0, 1]}}}
     for message, keys_changed in mistakes.items():
         wrong = {"criterion": "I", "purpose": keys["purpose"] | keys_changed}
         with pytest.raises(InvalidInput, match=rf"^design\.purpose: .*{message}"):
             criterion_of(DesignChoice.model_validate(wrong), ROBOT)
+
+
+def test_the_standard_deviation_that_a_plan_leaves_to_its_purpose_is_told(tmp_path) -> None:
+    region = {"joint2": [-0.5, 0.5], "joint3": [-0.5, 0.5]}
+    content = {
+        "schema": "study/1",
+        "robot": "manutec_r3",
+        "frequencies": {"low": 4.0, "high": 60.0, "count": 12},
+        "noise": {"relative": 0.03, "floor": 0.01},
+        "candidates": {"sobol": 12},
+        "design": {
+            "experiments": 3,
+            "criterion": "I",
+            "purpose": {"quantity": "resonances", "region": region, "positions": 4},
+        },
+        "output": "out",
+    }
+    (tmp_path / "study.yaml").write_text(yaml.safe_dump(content))
+    results = design_study(load_study(tmp_path / "study.yaml"))
+    plan = results.plan
+    visits = zip(plan.exact.repetitions[plan.used], plan.information.take(plan.used), strict=True)
+    covariance = np.linalg.inv(plan.visit_share * sum(n * H for n, H in visits))
+    where = oed.sobol_positions(ARM, 4, {name: tuple(ends) for name, ends in region.items()})
+    g = log_gradients(ARM, Resonances(1), where).reshape(4, -1)
+    expected = np.sqrt(np.einsum("ip,pr,ir->i", g, covariance, g).mean())
+    assert results.purpose_std == pytest.approx(expected, rel=1e-6)
+    words = f"resonances, std {100 * expected:.2g} %"
+    assert words in study_summary(results, [])
+    assert study_json(results, [])["purpose_std"] == results.purpose_std

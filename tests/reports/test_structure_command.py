@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -74,6 +75,37 @@ def test_score_tests_without_a_choice(study, monkeypatch, capsys) -> None:
     assert load_robot(study.parent / "out" / "structure.yaml").parameters.names == (
         ROBOT.parameters.names
     )
+
+
+def test_a_wrong_number_of_the_robot_file_puts_springs_in_doubt(study, monkeypatch, capsys) -> None:
+    late = ROBOT.file.model_copy(update={"delay": 2e-3})
+    save_robot(replace(ROBOT, file=late), study.parent / "truth.yaml")
+    content = yaml.safe_load(study.read_text())
+    del content["design"]["tell_apart"]
+    study.write_text(yaml.safe_dump(content))
+    code, out, err = oed(monkeypatch, capsys, str(study), "--most", "0")
+    assert code == 0, err
+    assert "The data contradict delay" in out
+    document = json.loads((study.parent / "out" / "structure.json").read_text())
+    assert document["contradicted"][0] == "delay"
+    page = (study.parent / "out" / "structure.html").read_text()
+    assert "No spring is missing" not in page
+    assert "the data contradict delay" in page
+
+
+def test_predictions_of_a_fit_that_lacks_a_spring_say_so(study, monkeypatch, capsys) -> None:
+    content = yaml.safe_load(study.read_text())
+    del content["design"]["tell_apart"]
+    study.write_text(yaml.safe_dump(content))
+    for words in (["predict"], ["margins", "--draws", "2"]):
+        monkeypatch.setattr(sys, "argv", ["oed", "--quiet", words[0], str(study), *words[1:]])
+        with pytest.raises(SystemExit):
+            cli.main()
+        out, err = capsys.readouterr()
+        assert out.startswith("Model error: do not quote these numbers; "), err
+    for name in ("prediction", "margins"):
+        written = json.loads((study.parent / "out" / f"{name}.json").read_text())
+        assert written["verdict"] == "model error"
 
 
 def test_a_level_that_is_none_is_refused(study, monkeypatch, capsys) -> None:

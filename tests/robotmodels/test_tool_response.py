@@ -167,7 +167,7 @@ def test_jacobians_are_derivatives_of_the_point_by_coordinates(content):
 
 def test_mistakes_name_frame_and_motors():
     robot, at = built(PENDULUM), np.array([[0.4]])
-    with pytest.raises(InvalidInput, match=r"'rood' is not a link of the URDF.*rod"):
+    with pytest.raises(InvalidInput, match=r"^frame: 'rood' is not a link of the URDF.*rod"):
         tool_model(robot, at, Frame("rood"))
     with pytest.raises(InvalidInput, match="frame: axes 'tool' are unknown"):
         Frame("rod", axes="tool")

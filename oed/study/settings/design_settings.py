@@ -92,6 +92,14 @@ class PurposeChoice(FileSection):
     region: Ranges | None = None
     positions: Annotated[int, Field(ge=1, le=10_000)] = 32
 
+    @model_validator(mode="after")
+    def _of_its_quantity(self) -> Self:
+        of_tool = self.quantity == "tool_compliance"
+        foreign = {"count", "motors"} if of_tool else {"link", "at", "direction"}
+        if unused := sorted(foreign & self.model_fields_set):
+            raise ValueError(f"{unused[0]}: {self.quantity} has no such setting; leave it out")
+        return self
+
 
 class RobustChoice(FileSection):
     """Samples of theta for which a design is to hold, the robot file's values first."""

@@ -4,7 +4,13 @@ import numpy as np
 
 from estimators import DampingRatios, Quantity, Resonances, ToolCompliance, robot_prior
 from oed.candidates.grids import candidate_at, sobol_positions
-from oed.criteria.criteria import AsCriterion, Criterion, DsCriterion, LargestVarianceCriterion
+from oed.criteria.criteria import (
+    AsCriterion,
+    Criterion,
+    DsCriterion,
+    ICriterion,
+    LargestVarianceCriterion,
+)
 from oed.criteria.purpose import purpose_criterion
 from oed.criteria.targets import by_name_or_kind
 from oed.design.constraints import Constraints, Group
@@ -37,15 +43,19 @@ def criterion_of(choice: DesignChoice, robot: ElasticRobot) -> str | Criterion:
         If what the design is for does not exist in its region.
     """
     if choice.purpose is not None:
-        purpose = choice.purpose
-        with naming("design.purpose"):
-            region = sobol_positions(robot, purpose.positions, purpose.region)
-            return purpose_criterion(robot, _quantity(purpose, robot), region)
+        return purpose_of(choice.purpose, robot)
     kind = _ABOUT.get(choice.criterion)
     if kind is None:
         return choice.criterion
     springs = [] if choice.interest else all_assumed(choice, robot)
     return kind(choice.interest or tuple(f"{spring.name}.stiffness" for spring in springs))
+
+
+def purpose_of(purpose: PurposeChoice, robot: ElasticRobot) -> ICriterion:
+    """Return the criterion I of a purpose; errors: see `criterion_of`."""
+    with naming("design.purpose"):
+        region = sobol_positions(robot, purpose.positions, purpose.region)
+        return purpose_criterion(robot, _quantity(purpose, robot), region)
 
 
 def _quantity(purpose: PurposeChoice, robot: ElasticRobot) -> Quantity:
