@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from estimators import Fit, FrfEstimate, Posterior, Profile, RunFit, Uncertainty
+from estimators import Fit, FrfEstimate, Posterior, Profile, RunFit, Uncertainty, Validation
 from estimators.uncertainty.standardised_residuals import standardised_residuals
 from estimators.validation.predict_tool import ToolPrediction
 from oed import Design, ExactDesign, ExperimentCurve, TimeCurve
@@ -156,9 +156,29 @@ def trade_off(curve: ExperimentCurve | TimeCurve, names: Sequence[str] | None = 
     )
 
 
-def residuals(fit: Fit | RunFit) -> Figure:
-    """Return mean squared standardised residuals by position and line."""
-    return in_light(residual_figures.residual_map(standardised_residuals(fit), fit.problem.omega))
+def residuals(fit: Fit | RunFit, validation: Validation | None = None) -> Figure:
+    """Return mean squared standardised residuals by position and line.
+
+    Parameters
+    ----------
+    fit : Fit or RunFit
+        A fit.
+    validation : Validation, optional
+        Of positions that were not fitted, measured at the same lines; in rows below the others.
+
+    Raises
+    ------
+    InvalidInput
+        If these have other lines.
+    """
+    omega = fit.problem.omega
+    held_out = None if validation is None else validation.mean_squares
+    if held_out is not None and held_out.shape[1] != len(omega):
+        raise InvalidInput(
+            f"validation: {held_out.shape[1]} lines, the fit has {len(omega)}; the same are needed"
+        )
+    drawing = residual_figures.residual_map(standardised_residuals(fit), omega, held_out)
+    return in_light(drawing)
 
 
 def residual_laws(fit: Fit | RunFit, lags: int = 5) -> Figure:

@@ -30,6 +30,9 @@ class Validation:
         Share of the measured elements inside the predicted region of each level.
     by_position : ndarray, (Q, L)
         The same in each position.
+    mean_squares : ndarray, (Q, F)
+        Squared errors over their predicted variances, the mean of all elements of a line; one is
+        expected.
     misfit : float
         Squared distance of all data from their prediction in the metric of the predicted
         covariance, per datum; one is expected.
@@ -40,6 +43,7 @@ class Validation:
     levels: Array
     coverage: Array
     by_position: Array
+    mean_squares: Array
     misfit: float
     probability: float
 
@@ -107,13 +111,15 @@ def validate(
     problem, spread = _problem(model, held_out)
     fit = problem.linearise(values)
     # chi square of two degrees
-    inside = -np.expm1(-_squares(fit, uncertainty.covariance) / 2)[..., None] <= levels
+    squares = _squares(fit, uncertainty.covariance)
+    inside = -np.expm1(-squares / 2)[..., None] <= levels
     by_position = inside.mean(axis=(1, 2))
     misfit, probability = _joint(*problem.evaluate(values), fit, uncertainty, spread)
     return Validation(
         read_only(levels),
         read_only(by_position.mean(axis=0)),
         read_only(by_position),
+        read_only(squares.mean(axis=2) / 2),
         misfit,
         probability,
     )

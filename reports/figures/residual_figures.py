@@ -17,7 +17,7 @@ _QUANTILES = 60
 _BOUND = 3.29  # of an autocorrelation of white noise, in a thousandth of all cases
 
 
-def residual_map(standardised: Array, omega: Array) -> Drawing:
+def residual_map(standardised: Array, omega: Array, held_out: Array | None = None) -> Drawing:
     """Return mean squared residuals by position and line, one where noise explains them.
 
     Parameters
@@ -26,9 +26,15 @@ def residual_map(standardised: Array, omega: Array) -> Drawing:
         As of `standardised_residuals`; neighbouring lines are taken together where there are many.
     omega : ndarray, (F,), rad/s
         Angular frequencies.
+    held_out : ndarray, (Q', F), optional
+        Mean squared errors of positions that were not fitted, in rows below the others.
     """
     edges = np.unique(np.linspace(0, len(omega), min(len(omega), _COLUMNS) + 1).astype(int))
     cells = _mean_squares(standardised, edges)
+    fitted = len(cells)
+    if held_out is not None:
+        below = np.add.reduceat(held_out, edges[:-1], axis=1) / np.diff(edges)
+        cells = np.concatenate([cells, np.ones((1, len(edges) - 1)), below])
     hertz = omega / (2 * np.pi)
     between = np.sqrt(hertz[1:] * hertz[:-1])
     ends = np.concatenate([hertz[:1], between, hertz[-1:]])[edges]
@@ -43,7 +49,13 @@ def residual_map(standardised: Array, omega: Array) -> Drawing:
         axes.set(xlim=(ends[0], ends[-1]), ylim=(rows + 0.5, 0.5), xscale="log")
         axes.set(xlabel="frequency [Hz]", ylabel="position")
         plain_logarithm(axes.xaxis)
-        axes.yaxis.set_major_locator(MaxNLocator(12, integer=True))
+        ticks = MaxNLocator(12, integer=True).tick_values(1, fitted)
+        ticks = ticks[(ticks >= 1) & (ticks <= fitted)]
+        labels = [f"{tick:.0f}" for tick in ticks]
+        if rows > fitted:
+            axes.axhline(fitted + 1, color=palette.muted, lw=0.8)
+            ticks, labels = np.append(ticks, 0.5 * (fitted + 2 + rows)), [*labels, "held out"]
+        axes.set_yticks(ticks, labels)
         return figure
 
     return draw

@@ -7,6 +7,7 @@ from estimators.trust.rule import LEVEL
 from estimators.trust.trust import Trust
 from estimators.uncertainty.residual_analysis import ResidualAnalysis
 from estimators.uncertainty.standardised_residuals import standardised_residuals
+from estimators.validation.held_out_positions import Validation
 from reports import text
 from reports.figures import residual_figures, study_figures
 from reports.page_elements import (
@@ -28,7 +29,11 @@ MOST_CONSPICUOUS, MOST_RISKY = 40, 10
 
 
 def section(
-    analysis: ResidualAnalysis, trust: Trust, elements: Table, fit: FittedModel | None = None
+    analysis: ResidualAnalysis,
+    trust: Trust,
+    elements: Table,
+    fit: FittedModel | None = None,
+    held_out: Validation | None = None,
 ) -> Section:
     """Return the section, which ends with a table of `elements`; with a `fit` its residuals too."""
     body = filled(
@@ -43,7 +48,8 @@ def section(
         whiteness=text.probability(analysis.whiteness_p_value),
         outlying=text.listed([str(q + 1) for q in analysis.outlying]),
         positions=by_position(analysis),
-        pictures=[] if fit is None else pictures(fit, analysis),
+        pictures=[] if fit is None else pictures(fit, analysis, held_out),
+        held_out=held_out,
         elements=elements,
     )
     return Section("residuals", "Residuals", body)
@@ -112,13 +118,19 @@ def by_position(analysis: ResidualAnalysis) -> Figure | None:
     )
 
 
-def pictures(fit: FittedModel, analysis: ResidualAnalysis) -> list[Figure]:
+def pictures(
+    fit: FittedModel, analysis: ResidualAnalysis, held_out: Validation | None
+) -> list[Figure]:
     """Return maps and laws of the standardised residuals."""
     standardised = standardised_residuals(fit)
     return [
         figure(
             "residual-map",
-            residual_figures.residual_map(standardised, fit.problem.omega),
+            residual_figures.residual_map(
+                standardised,
+                fit.problem.omega,
+                None if held_out is None else held_out.mean_squares,
+            ),
             "Mean squared standardised residuals, a row for each position along the frequencies",
         ),
         figure(

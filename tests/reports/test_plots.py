@@ -179,3 +179,32 @@ def test_profiles_of_good_data_are_the_parabolas_of_the_covariance(fit):
     without = estimators.profile_likelihood(fit, fit.parameters.names[:1])
     with pytest.raises(robotmodels.InvalidInput, match=r"stiffness has none; call `profile_lik"):
         plots.profiles(without, uncertainty, fit.parameters.values)
+
+
+def test_held_out_positions_stand_below_the_fitted_ones(fit):
+    robot, estimate, uncertainty = fit.model, fit.estimate, estimators.covariance(fit)
+    rng = np.random.default_rng(11)
+    noise = robotmodels.RelativeNoise(0.03, 0.01)
+    others = estimators.simulate_frf(robot, estimate.positions + 0.1, OMEGA, noise, rng)
+    values = fit.parameters.values
+    validation = estimators.validate(robot, values, others, uncertainty)
+    assert validation.mean_squares.shape == (4, 12)
+    assert validation.mean_squares.mean() == pytest.approx(1, abs=0.25)
+    bent = estimators.validate(robot, 1.5 * values, others, uncertainty)
+    assert bent.mean_squares.mean() > 2
+    plain, below = (plots.residuals(fit, one).axes[0] for one in (None, bent))
+    assert plain.get_ylim() == (4.5, 0.5)
+    assert below.get_ylim() == (9.5, 0.5)
+    assert [label.get_text() for label in below.get_yticklabels()] == [
+        "1",
+        "2",
+        "3",
+        "4",
+        "held out",
+    ]
+    assert below.get_yticks()[-1] == 7.5
+    held = [p.get_path().vertices[:, 1].max() for p in below.patches]
+    assert max(held) == 9.5
+    fewer = SimpleNamespace(mean_squares=np.ones((4, 6)))
+    with pytest.raises(robotmodels.InvalidInput, match="validation: 6 lines, the fit has 12"):
+        plots.residuals(fit, fewer)
