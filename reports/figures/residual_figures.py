@@ -1,6 +1,7 @@
 """Figures of standardised residuals: where they are large, and whether noise has their law."""
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
@@ -30,11 +31,8 @@ def residual_map(standardised: Array, omega: Array, held_out: Array | None = Non
         Mean squared errors of positions that were not fitted, in rows below the others.
     """
     edges = np.unique(np.linspace(0, len(omega), min(len(omega), _COLUMNS) + 1).astype(int))
-    cells = _mean_squares(standardised, edges)
-    fitted = len(cells)
-    if held_out is not None:
-        below = np.add.reduceat(held_out, edges[:-1], axis=1) / np.diff(edges)
-        cells = np.concatenate([cells, np.ones((1, len(edges) - 1)), below])
+    fitted = _mean_squares(standardised, edges)
+    cells = fitted if held_out is None else _with_rows(fitted, held_out, edges)
     hertz = omega / (2 * np.pi)
     between = np.sqrt(hertz[1:] * hertz[:-1])
     ends = np.concatenate([hertz[:1], between, hertz[-1:]])[edges]
@@ -49,16 +47,27 @@ def residual_map(standardised: Array, omega: Array, held_out: Array | None = Non
         axes.set(xlim=(ends[0], ends[-1]), ylim=(rows + 0.5, 0.5), xscale="log")
         axes.set(xlabel="frequency [Hz]", ylabel="position")
         plain_logarithm(axes.xaxis)
-        ticks = MaxNLocator(12, integer=True).tick_values(1, fitted)
-        ticks = ticks[(ticks >= 1) & (ticks <= fitted)]
-        labels = [f"{tick:.0f}" for tick in ticks]
-        if rows > fitted:
-            axes.axhline(fitted + 1, color=palette.muted, lw=0.8)
-            ticks, labels = np.append(ticks, 0.5 * (fitted + 2 + rows)), [*labels, "held out"]
-        axes.set_yticks(ticks, labels)
+        _number_rows(axes, len(fitted), rows, palette)
         return figure
 
     return draw
+
+
+def _with_rows(fitted: Array, held_out: Array, edges: IntArray) -> Array:
+    """Return cells (Q, C), an empty row, and the means between edges of `held_out` (Q', F)."""
+    below = np.add.reduceat(held_out, edges[:-1], axis=1) / np.diff(edges)
+    return np.concatenate([fitted, np.ones((1, fitted.shape[1])), below])
+
+
+def _number_rows(axes: Axes, fitted: int, rows: int, palette: Palette) -> None:
+    """Number the rows of fitted positions, and divide them from those held out."""
+    ticks = MaxNLocator(12, integer=True).tick_values(1, fitted)
+    ticks = ticks[(ticks >= 1) & (ticks <= fitted)]
+    labels = [f"{tick:.0f}" for tick in ticks]
+    if rows > fitted:
+        axes.axhline(fitted + 1, color=palette.muted, lw=0.8)
+        ticks, labels = np.append(ticks, (fitted + 2 + rows) / 2), [*labels, "held out"]
+    axes.set_yticks(ticks, labels)
 
 
 def _mean_squares(standardised: Array, edges: IntArray) -> Array:
