@@ -60,7 +60,7 @@ def _with_rows(fitted: Array, held_out: Array, edges: IntArray) -> Array:
 
 
 def _number_rows(axes: Axes, fitted: int, rows: int, palette: Palette) -> None:
-    """Number the rows of fitted positions, and divide them from those held out."""
+    """Label the rows of fitted positions, and divide them from those held out."""
     ticks = MaxNLocator(12, integer=True).tick_values(1, fitted)
     ticks = ticks[(ticks >= 1) & (ticks <= fitted)]
     labels = [f"{tick:.0f}" for tick in ticks]
