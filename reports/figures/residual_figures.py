@@ -61,12 +61,12 @@ def _with_rows(fitted: Array, held_out: Array, edges: IntArray) -> Array:
 
 def _number_rows(axes: Axes, fitted: int, rows: int, palette: Palette) -> None:
     """Label the rows of fitted positions, and divide them from those held out."""
-    ticks = MaxNLocator(12, integer=True).tick_values(1, fitted)
-    ticks = ticks[(ticks >= 1) & (ticks <= fitted)]
+    every = np.asarray(MaxNLocator(12, integer=True).tick_values(1, fitted))
+    ticks = [float(tick) for tick in every if 1 <= tick <= fitted]
     labels = [f"{tick:.0f}" for tick in ticks]
     if rows > fitted:
         axes.axhline(fitted + 1, color=palette.muted, lw=0.8)
-        ticks, labels = np.append(ticks, (fitted + 2 + rows) / 2), [*labels, "held out"]
+        ticks, labels = [*ticks, (fitted + 2 + rows) / 2], [*labels, "held out"]
     axes.set_yticks(ticks, labels)
 
 
