@@ -9,6 +9,7 @@ from robotmodels.common.arrays import Array, IntArray, real_numbers
 from robotmodels.common.errors import InvalidInput
 from robotmodels.description.parameters import Parameters
 from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.elastic.segments import link_frame
 from robotmodels.elastic.tool_response import Frame, frame_kinematics
 from robotmodels.linear.linear_model import Channels
 from robotmodels.linear.spring_network import SpringNetwork
@@ -39,7 +40,7 @@ class HammerTest:
     Raises
     ------
     InvalidInput
-        If a direction is no vector, or the robot has no sensor on a link.
+        If a direction is no vector, there is no such link, or the robot has no sensor on one.
     """
 
     model: ElasticRobot
@@ -52,8 +53,10 @@ class HammerTest:
         length = np.linalg.norm(directions, axis=-1, keepdims=True)
         if directions.shape[1:] != (3,) or not (np.isfinite(length) & (length > 0)).all():
             raise InvalidInput(
-                f"hammer test: directions of shape {directions.shape}; (k, 3), none zero, needed"
+                f"hammer test: directions {directions.tolist()}; three finite numbers each, "
+                "not all zero, are needed"
             )
+        link_frame(self.model.rigid, self.frame.link, "hammer test: frame")
         object.__setattr__(self, "directions", directions / length)
         if self.motors not in ("clamped", "free"):
             raise InvalidInput(f"hammer test: motors {self.motors!r}; clamped or free is needed")

@@ -49,14 +49,18 @@ def possible_springs(robot: ElasticRobot, cuts: Sequence[float] = CUTS) -> tuple
     """
     if not all(0 < share < 1 for share in cuts):
         raise InvalidInput(f"cuts: {list(cuts)}; shares between 0 and 1 are needed")
-    file = robot.file
-    present = {(s.joint or (s.link, s.at), s.axis) for s in file.springs}
+    present = {spring_position(spring) for spring in robot.file.springs}
     absent = [
         spring
         for spring in (*_of_joints(robot), *_of_links(robot, cuts))
-        if (spring.joint or (spring.link, spring.at), spring.axis) not in present
+        if spring_position(spring) not in present
     ]
     return tuple(_buildable(robot, _renamed(robot, absent)))
+
+
+def spring_position(spring: Spring) -> tuple[object, str]:
+    """Return where a spring is, and about which axis."""
+    return spring.joint or (spring.link, spring.at), spring.axis
 
 
 def with_springs(robot: ElasticRobot, springs: Sequence[Spring], *, free: bool) -> ElasticRobot:

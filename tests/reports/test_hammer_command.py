@@ -65,8 +65,9 @@ def test_informations_of_both_add_up(before, monkeypatch, capsys) -> None:
 
 MISTAKES = {
     ("--direction=0,1",): "--direction: '0,1'; three numbers",
+    ("--direction=0,0,0",): "directions [[0.0, 0.0, 0.0]]; three finite numbers each, not all zero",
     ("--direction=0,0,1",): "FRFs of 2 sensors by 2 forces",
-    ("--direction=0,0,1", "--link=toool"): "'toool' is not a link",
+    ("--direction=0,0,1", "--link=toool"): "error: hammer test: frame: 'toool' is not a link",
     ("--direction=0,0,1", "--motors=braked"): "--motors: 'braked'",
 }
 
@@ -77,7 +78,7 @@ def test_mistakes_are_one_line(words, before, monkeypatch, capsys) -> None:
         words = (*words, "--direction=1,0,0")
     code, _, err = oed(monkeypatch, capsys, "robot.yaml", "hits.h5", *words)
     assert code == 2
-    assert MISTAKES.get(words, "'toool' is not a link") in err
+    assert MISTAKES.get(words, "error: hammer test: frame: 'toool' is not a link") in err
     assert err.count("\n") == 1
 
 

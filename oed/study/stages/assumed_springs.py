@@ -12,7 +12,7 @@ from robotmodels import ElasticRobot, frequency_response, load_robot
 from robotmodels.common.errors import InvalidInput, naming
 from robotmodels.common.progress import Progress
 from robotmodels.description.robot_file import Spring
-from robotmodels.elastic.possible_springs import possible_springs
+from robotmodels.elastic.possible_springs import possible_springs, spring_position
 
 
 @dataclass(frozen=True)
@@ -45,11 +45,6 @@ def all_assumed(choice: DesignChoice, robot: ElasticRobot) -> tuple[Spring, ...]
     """Return the springs of all alternatives, each once; errors: see `alternatives`."""
     springs = [spring for each in alternatives(choice, robot) for spring in each]
     return tuple({spring_position(spring): spring for spring in reversed(springs)}.values())[::-1]
-
-
-def spring_position(spring: Spring) -> tuple[object, str]:
-    """Return where a spring is, and about which axis."""
-    return spring.joint or (spring.link, spring.at), spring.axis
 
 
 def _added(robot: ElasticRobot, file: str) -> tuple[Spring, ...]:
