@@ -37,8 +37,8 @@ from oed.study.summary import (
 from robotmodels import ElasticRobot, linear_feedback
 from robotmodels.common.arrays import Array
 
-_SHOWN = 6
-"""Positions of the plan in which tool and controller are predicted."""
+_TOOL_POSITIONS, _MARGIN_POSITIONS = 24, 6
+"""Positions of the plan in which tool and controller are predicted, at most."""
 
 _TOOL_DRAWS, _MARGIN_DRAWS = 200, 40
 """Draws of a posterior for the bands of the tool, and of the fit for a controller's margins."""
@@ -183,9 +183,9 @@ class StudyResults(FittedStudy):
 
     @cached_property
     def tool(self) -> ToolPrediction:
-        """Compliance and modes at the end of the last link in some of the plan's positions."""
+        """Compliance and modes at the end of the last link in the plan's first positions."""
         drawn = None if self.posterior_draws is None else self._drawn(_TOOL_DRAWS)
-        return predict_tool(self.fits.result, self.plan.positions[:_SHOWN], spread=drawn)
+        return predict_tool(self.fits.result, self.plan.positions[:_TOOL_POSITIONS], spread=drawn)
 
     @cached_property
     def controller(self) -> ControllerMargins | None:
@@ -195,7 +195,7 @@ class StudyResults(FittedStudy):
             return None
         feedback = linear_feedback(controller_of(settings, self.robot))
         drawn = self._drawn(_MARGIN_DRAWS)
-        return controller_margins(best, feedback, self.plan.positions[:_SHOWN], drawn)
+        return controller_margins(best, feedback, self.plan.positions[:_MARGIN_POSITIONS], drawn)
 
     @cached_property
     def uncertainty_summary(self) -> UncertaintySummary:

@@ -19,10 +19,16 @@ def section(results: StudyResults) -> Section | None:
         "modes",
         mode_figures.modes(results.tool),
         "Resonances and damping ratios of the lowest modes in each position",
-        caption="Lowest modes in each position, with one standard deviation.",
+        caption=f"Lowest modes in {positions_words(results)}, with one standard deviation.",
     )
     body = filled("prediction.html.j2", figures=[modes], table=shown)
     return Section("tool", "Tool", body + bands_words(results))
+
+
+def positions_words(results: StudyResults) -> str:
+    """Return in which of the plan's positions the tool is predicted."""
+    shown, count = len(results.tool.points), len(results.plan.positions)
+    return "each position" if shown == count else f"the first {shown} of {count} positions"
 
 
 def bands_words(results: StudyResults) -> Markup:

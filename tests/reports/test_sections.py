@@ -22,7 +22,7 @@ from reports.figures.svg import LIGHT
 from reports.figures.uncertainty_figures import corner_plot, corner_spans, three_ticks
 from reports.page_elements import Column, Number, Section, filled, numbers, page, table
 from reports.pages import comparison
-from reports.sections import cross_check, identifiability as weak_directions, residuals
+from reports.sections import cross_check, identifiability as weak_directions, residuals, tool
 from reports.sections.fit import reached_words
 from reports.sections.verdict import fit_banner, interval_words, quote
 
@@ -301,3 +301,10 @@ def test_estimators_that_did_alike_are_named_together():
         == "3 of 4 with LLS; all 4 with NLS"
     )
     assert reached_words([Reached("nls", 1, 1)]) == "1 of 1 with NLS"
+
+
+def test_words_say_in_which_positions_the_tool_is_predicted():
+    plan = SimpleNamespace(positions=np.zeros((30, 2)))
+    for shown, expected in ((30, "each position"), (24, "the first 24 of 30 positions")):
+        results = SimpleNamespace(plan=plan, tool=SimpleNamespace(points=np.zeros((shown, 3))))
+        assert tool.positions_words(results) == expected
