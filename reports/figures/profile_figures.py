@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from estimators.sampling.profile_likelihood import Profile
+from reports.figures.notebook_figure import NotebookFigure
 from reports.figures.study_figures import Drawing
 from reports.figures.svg import Palette
 from robotmodels.common.arrays import Array
@@ -30,7 +31,7 @@ def profiles(curves: Sequence[Profile], estimate: Array, std: Array) -> Drawing:
 
     def draw(palette: Palette) -> Figure:
         rows = -(-len(curves) // _COLUMNS)
-        figure = Figure(figsize=(7.6, 0.5 + 1.9 * rows), layout="constrained")
+        figure = NotebookFigure(figsize=(7.6, 0.5 + 1.9 * rows), layout="constrained")
         grid = figure.subplots(rows, _COLUMNS, squeeze=False, sharey=True).ravel()
         for axes, one, value, width in zip(grid, curves, estimate, std, strict=False):
             _panel(axes, one, float(value), float(width), palette)

@@ -15,10 +15,21 @@ import robotmodels
 from estimators.uncertainty.standardised_residuals import standardised_residuals
 from reports import plots
 from reports.figures.design_map import design_map
+from reports.figures.notebook_figure import NotebookFigure
 from reports.figures.residual_figures import residual_laws, residual_map
-from reports.figures.svg import LIGHT
+from reports.figures.svg import LIGHT, in_light
 
 OMEGA = 2 * np.pi * np.geomspace(3, 60, 12)
+
+
+@pytest.fixture(autouse=True)
+def _shown_in_notebooks(monkeypatch):
+    def checked(draw):
+        figure = in_light(draw)
+        assert isinstance(figure, NotebookFigure)
+        return figure
+
+    monkeypatch.setattr(plots, "in_light", checked)
 
 
 @pytest.fixture(scope="module")
