@@ -26,7 +26,7 @@ def hammer(
         str,
         typer.Argument(
             help="Robot file with accelerometers. Standard deviations in it, as oed export --to "
-            "robot and oed identify write them, count as what other data have told.",
+            "robot and oed identify write them, count as estimates from other data.",
             autocompletion=robot_names,
         ),
     ],
@@ -57,7 +57,7 @@ def hammer(
 ) -> None:
     """Fit a robot to hammer tests: forces at a point of a link, accelerometers out.
 
-    Together with what motor-side data have told, if the robot file has its standard deviations.
+    Combined with estimates from motor-side data where the robot file has their standard deviations.
 
     Example: oed hammer identified.yaml hits.h5 --link tool0 --at 0,0,0.1 --direction 0,0,1
     """
