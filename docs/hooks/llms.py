@@ -7,7 +7,7 @@ from typing import Any
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.nav import Navigation
 
-_PROSE = re.compile(r"^(?:[A-Z*`-][^\n]*\n?)+", re.MULTILINE)
+_PROSE = re.compile(r"^[A-Z*`-](?!``)[^\n]*(?:\n[^\n]*\S[^\n]*)*", re.MULTILINE)
 _LINK = re.compile(r"\[([^\]]*)\][(\[][^)\]]*[)\]]")
 
 _navigation: list[Navigation] = []
@@ -35,4 +35,4 @@ def first_sentence(markdown: str) -> str:
     """Return the first sentence of a page's prose, without links."""
     prose = _PROSE.search(markdown)
     words = _LINK.sub(r"\1", " ".join(prose[0].split())) if prose else ""
-    return re.split(r"(?<=[.?:])\s", words.removeprefix("- "))[0]
+    return re.split(r"(?<=[.?])\s", words.removeprefix("- ").replace("*", ""))[0]

@@ -103,6 +103,13 @@ def hook(name: str):
     return module
 
 
+def test_first_sentences_go_on_over_lines_and_stop_at_their_end():
+    first_sentence = hook("llms").first_sentence
+    page = "# Title\n\n*Which [springs](a.md), and\nhow sure?* More words.\n\nAnother one.\n"
+    assert first_sentence(page) == "Which springs, and how sure?"
+    assert first_sentence("# Title\n") == ""
+
+
 def test_formulas_become_mathml():
     content = r'<p>of <span class="arithmatex">\(a &lt; b\)</span></p>'
     page = hook("mathematics").on_page_content(content)
