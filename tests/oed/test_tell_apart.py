@@ -120,12 +120,17 @@ def test_maximin_raises_the_least_and_a_structure_file_stands_for_its_springs(tm
     least, by_volume = (_least(each.plan.design) for each in (by_file, volume))
     assert least > 1.02 * by_volume
     # In one file the springs are there together, as elements each is there alone.
-    for results in (by_file, by_elements):
-        assert [power.name for power in results.powers] == [SPRING.name, OTHER.name]
+    for results, source in ((by_file, " (structure.yaml)"), (by_elements, "")):
+        names = [f"{spring.name}{source}" for spring in (SPRING, OTHER)]
+        assert [power.name for power in results.powers] == names
     stored = _design(tmp_path / "a", tell_apart=_springs(SPRING, OTHER), criterion="maximin")
     assert stored.powers == by_elements.powers
     lengths = [power.misfit for power in by_elements.powers]
     assert lengths != [power.misfit for power in by_file.powers]
+    # What is stored of springs that are there alone is not that of those that are there together.
+    robotmodels.save_robot(robot, tmp_path / "a" / "structure.yaml")
+    together = _design(tmp_path / "a", tell_apart=["structure.yaml"], criterion="maximin")
+    assert together.powers == by_file.powers
 
 
 def test_structure_files_that_are_none_are_refused(tmp_path):

@@ -1,6 +1,7 @@
 """Springs that a study's plan is to tell apart, and what its data will tell of them."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from estimators import FrfEstimate, StructurePower, fit, structure_power
@@ -39,6 +40,18 @@ def alternatives(choice: DesignChoice, robot: ElasticRobot) -> tuple[tuple[Sprin
     return tuple(
         (each,) if isinstance(each, Spring) else _added(robot, each) for each in choice.tell_apart
     )
+
+
+def _named(
+    choice: DesignChoice, robot: ElasticRobot
+) -> Iterator[tuple[Spring | str, tuple[Spring, ...]]]:
+    """Return each entry of `tell_apart` with its springs."""
+    return zip(choice.tell_apart, alternatives(choice, robot), strict=True)
+
+
+def _file_name(entry: Spring | str) -> str:
+    """Return the name of a structure file; nothing of a spring."""
+    return "" if isinstance(entry, Spring) else Path(entry).name
 
 
 def all_assumed(choice: DesignChoice, robot: ElasticRobot) -> tuple[Spring, ...]:
@@ -93,7 +106,10 @@ def assumed_springs(
     inputs = {
         "robot": run.robot_digest,
         "share": share,
-        "springs": [s.model_dump(mode="json") for s in all_assumed(run.study.design, run.robot)],
+        "springs": [
+            (_file_name(each), [spring.model_dump(mode="json") for spring in springs])
+            for each, springs in _named(run.study.design, run.robot)
+        ],
         **visits.key,
         **run.settings("frequencies", "noise"),
     }
@@ -103,14 +119,18 @@ def assumed_springs(
 def powers_of_alternatives(
     choice: DesignChoice, robot: ElasticRobot, plan: FittedModel, level: float = 0.01
 ) -> tuple[StructurePower, ...]:
-    """Return what data like those of a fit tell of each alternative, each by itself."""
+    """Return what data like those of a fit tell of each alternative, each by itself.
+
+    Springs of a structure file have its name in brackets.
+    """
     assumed = all_assumed(choice, robot)
     present = {spring_position(spring) for spring in assumed}
     others = [s for s in possible_springs(robot) if spring_position(s) not in present]
     rivals = [*assumed, *others]
+    powers = list[StructurePower]()
     with naming("design.tell_apart"):
-        return tuple(
-            power
-            for springs in alternatives(choice, robot)
-            for power in structure_power(plan, springs, rivals, level=level)
-        )
+        for each, springs in _named(choice, robot):
+            file = f" ({name})" if (name := _file_name(each)) else ""
+            for power in structure_power(plan, springs, rivals, level=level):
+                powers.append(replace(power, name=f"{power.name}{file}"))
+    return tuple(powers)
