@@ -8,7 +8,16 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from estimators import Fit, FrfEstimate, Posterior, Profile, RunFit, Uncertainty, Validation
+from estimators import (
+    Fit,
+    FrfEstimate,
+    Posterior,
+    Profile,
+    RunFit,
+    Uncertainty,
+    Validation,
+    predict_frf,
+)
 from estimators.uncertainty.standardised_residuals import standardised_residuals
 from estimators.validation.predict_tool import ToolPrediction
 from oed import Design, ExactDesign, ExperimentCurve, TimeCurve
@@ -27,7 +36,7 @@ from reports.figures import (
 from reports.figures.response_data import between
 from reports.figures.svg import in_light
 from robotmodels import ElasticRobot, InvalidInput, Records, frequency_response
-from robotmodels.common.arrays import Array
+from robotmodels.common.arrays import Array, ComplexArray, IntArray
 
 _SHOWN = 6  # parameters of a corner plot
 
@@ -39,6 +48,9 @@ def frf(
     *,
     inputs: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
+    rows: Sequence[int] | None = None,
+    columns: Sequence[int] | None = None,
+    spread: Uncertainty | Array | None = None,
 ) -> Figure:
     """Return Bode plots of all elements in one position, with one standard deviation.
 
@@ -52,33 +64,70 @@ def frf(
         Which of the estimate's positions.
     inputs, outputs : sequence of str, optional
         Names of columns and rows; the model's, or numbers.
+    rows, columns : sequence of int, optional
+        Outputs and inputs to draw, counted from zero; all by default.
+    spread : Uncertainty or ndarray, (N, p), optional
+        Covariance of ln theta or draws of it; the model has a band of one standard deviation by it.
 
     Raises
     ------
     InvalidInput
-        If there is no such position.
+        If there is no such position, row or column, or a spread without a model.
     """
     if not 0 <= position < len(estimate.positions):
         raise InvalidInput(
             f"position: {position}; 0 to {len(estimate.positions) - 1} are in the estimate"
         )
+    if model is None and spread is not None:
+        raise InvalidInput("spread: there is no model whose band it could be; give one")
     robot = model.model if isinstance(model, Fit) else model
-    values = model.parameters.values if isinstance(model, Fit) else None
     m, n = estimate.response.shape[2:]
-    curve = None
-    if robot is not None:
-        omega = between(estimate.omega)
-        at = estimate.positions[[position]]
-        curve = omega, frequency_response(robot, at, omega, values)[0]
+    omega, at = between(estimate.omega), estimate.positions[[position]]
+    columns_of = inputs or getattr(robot, "motor_names", [f"motor {j + 1}" for j in range(n)])
+    rows_of = outputs or getattr(robot, "output_names", [f"output {i + 1}" for i in range(m)])
+    i, j = _indices("rows", rows, m), _indices("columns", columns, n)
+    shown = np.ix_(range(len(estimate.omega)), i, j)
     drawing = bode.bode(
         estimate.omega,
-        estimate.response[position],
-        np.sqrt(estimate.variance[position]),
-        inputs or getattr(robot, "motor_names", [f"motor {j + 1}" for j in range(n)]),
-        outputs or getattr(robot, "output_names", [f"output {i + 1}" for i in range(m)]),
-        curve,
+        estimate.response[position][shown],
+        np.sqrt(estimate.variance[position][shown]),
+        [columns_of[k] for k in j],
+        [rows_of[k] for k in i],
+        None
+        if model is None
+        else _curve(model, at, omega, spread, np.ix_(range(len(omega)), i, j)),
     )
     return in_light(drawing)
+
+
+def _indices(key: str, indices: Sequence[int] | None, count: int) -> list[int]:
+    """Return the indices to draw, all by default.
+
+    Raises
+    ------
+    InvalidInput
+        If there is no such one, or none.
+    """
+    shown = list(range(count)) if indices is None else list(indices)
+    if not shown or not all(0 <= k < count for k in shown):
+        raise InvalidInput(f"{key}: {shown}; some of 0 to {count - 1} are needed")
+    return shown
+
+
+def _curve(
+    model: ElasticRobot | Fit,
+    at: Array,
+    omega: Array,
+    spread: Uncertainty | Array | None,
+    elements: tuple[IntArray, ...],
+) -> tuple[Array, ComplexArray, Array | None]:
+    """Return angular frequencies, elements of the model's FRFs, and standard deviations of ln |G|."""
+    robot = model.model if isinstance(model, Fit) else model
+    values = model.parameters.values
+    if spread is None:
+        return omega, frequency_response(robot, at, omega, values)[0][elements], None
+    band = predict_frf(robot, values, at, omega, spread)
+    return omega, band.response[0][elements], band.magnitude_std[0][elements]
 
 
 def design_map(

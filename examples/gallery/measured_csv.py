@@ -8,7 +8,6 @@
 # %%
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 import estimators
@@ -32,29 +31,11 @@ fit = estimators.fit(guess, frf, residual="nls", weights="optimal")
 print(fit.trust)
 
 # %% [markdown]
-# The verdict says whether the intervals may be quoted. The band of the model is that of the parameters;
-# the bars are two standard deviations of the measurement.
+# The verdict says whether the intervals may be quoted. Bands are one standard deviation: of the
+# measurement, and of the model by those of the parameters.
 
 # %% picture="measured_csv"
-dense = 2 * np.pi * np.geomspace(3, 80, 300)
-band = estimators.predict_frf(
-    guess, fit.parameters.values, positions[:1], dense, estimators.covariance(fit)
-)
-figure, panels = plt.subplots(1, 3, figsize=(10, 3.4), sharex=True)
-for axis, axes in enumerate(panels):
-    element = np.s_[0, :, axis, axis]
-    std = np.sqrt(frf.variance[element])
-    hertz = omega / (2 * np.pi)
-    axes.errorbar(hertz, np.abs(frf.response[element]), 2 * std, fmt=".", ms=4, label="measured")
-    axes.loglog(dense / (2 * np.pi), np.abs(band.response[element]), label="fitted")
-    axes.fill_between(dense / (2 * np.pi), band.lower[element], band.upper[element], alpha=0.4)
-    axes.set_xticks([5, 10, 20, 50], [5, 10, 20, 50])
-    axes.xaxis.set_minor_formatter("")
-    axes.set(xlabel="frequency [Hz]", title=f"motor {axis + 1}")
-panels[0].set(ylabel="|G| [rad/s² per N m]")
-panels[0].legend()
-figure.tight_layout()
-plt.show()
+reports.plots.frf(frf, fit, rows=[1], columns=[1, 2, 4], spread=estimators.covariance(fit))
 
 # %% [markdown]
 # Residuals over their standard deviations are about one everywhere, if the model is right. The figures of

@@ -20,7 +20,7 @@ def bode(
     std: Array,
     inputs: Sequence[str],
     outputs: Sequence[str],
-    model: tuple[Array, ComplexArray] | None = None,
+    model: tuple[Array, ComplexArray, Array | None] | None = None,
 ) -> Drawing:
     """Return magnitude above phase of each element.
 
@@ -33,7 +33,8 @@ def bode(
     inputs, outputs : sequence of str
         Names of columns and rows.
     model : tuple of ndarray, optional
-        Angular frequencies (G,) and responses (G, m, n) of a model.
+        Angular frequencies (G,) and responses (G, m, n) of a model, and the standard deviations of
+        ln |G| if they are to be drawn.
     """
     m, n = measured.shape[1:]
 
@@ -47,7 +48,11 @@ def bode(
             level, phase = grid[2 * i, j], grid[2 * i + 1, j]
             _measured(level, phase, omega / (2 * np.pi), measured[:, i, j], std[:, i, j], palette)
             if model is not None:
-                _modelled(level, phase, model[0] / (2 * np.pi), model[1][:, i, j], palette)
+                hertz, response = model[0] / (2 * np.pi), model[1][:, i, j]
+                _modelled(level, phase, hertz, response, palette)
+                if model[2] is not None:
+                    ends = (np.abs(response) * np.exp(s * model[2][:, i, j]) for s in (-1, 1))
+                    level.fill_between(hertz, *ends, color=palette.second, alpha=0.28, lw=0)
         for j, name in enumerate(inputs):
             grid[0, j].set_title(f"from {name}")
         for i, name in enumerate(outputs):

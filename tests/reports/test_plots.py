@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from IPython.core.formatters import PNGFormatter
-from matplotlib.colors import to_hex
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
 import estimators
@@ -70,6 +70,38 @@ def test_frfs_are_drawn_with_the_model_between_the_lines(fit):
     away = np.abs(np.log(model[::3, 1] / size))
     assert np.median(away) < 0.05  # a fit within the noise
     assert level.get_title() == "from m2"
+    band = plots.frf(fit.estimate, fit, position=1, spread=estimators.covariance(fit))
+    of_model = band.axes[0].collections[1]
+    assert of_model.get_facecolor()[0, :3] == pytest.approx(to_rgb(LIGHT.second))
+    height = of_model.get_paths()[0].vertices
+    at = height[:, 0] == height[1, 0]  # both ends at the first line
+    low, high = height[at, 1].min(), height[at, 1].max()
+    draws = np.exp(
+        np.random.default_rng(3).multivariate_normal(
+            np.log(fit.parameters.values), estimators.covariance(fit).covariance, 400
+        )
+    )
+    sizes = [
+        np.abs(
+            robotmodels.frequency_response(fit.model, fit.estimate.positions[[1]], OMEGA[:1], one)[
+                0, 0, 0, 0
+            ]
+        )
+        for one in draws
+    ]
+    assert np.log(high / low) / 2 == pytest.approx(np.std(np.log(sizes)), rel=0.2)
+    one = plots.frf(fit.estimate, fit, position=1, rows=[1], columns=[0]).axes
+    assert len(one) == 2
+    np.testing.assert_allclose(
+        one[0].lines[0].get_ydata(), np.abs(fit.estimate.response[1, :, 1, 0])
+    )
+    np.testing.assert_allclose(
+        one[0].lines[1].get_ydata(), figure.axes[4].lines[1].get_ydata(), rtol=1e-12
+    )
+    with pytest.raises(robotmodels.InvalidInput, match=r"columns: \[2\]; some of 0 to 1"):
+        plots.frf(fit.estimate, columns=[2])
+    with pytest.raises(robotmodels.InvalidInput, match="spread: there is no model"):
+        plots.frf(fit.estimate, spread=estimators.covariance(fit))
     with pytest.raises(robotmodels.InvalidInput, match="position: 4; 0 to 3"):
         plots.frf(fit.estimate, position=4)
 
