@@ -121,7 +121,7 @@ def _curve(
     spread: Uncertainty | Array | None,
     elements: tuple[IntArray, ...],
 ) -> tuple[Array, ComplexArray, Array | None]:
-    """Return angular frequencies, elements of the model's FRFs, and standard deviations of ln |G|."""
+    """Return angular frequencies, elements of the model's FRFs, and stds of ln |G|."""
     robot = model.model if isinstance(model, Fit) else model
     values = model.parameters.values
     if spread is None:
