@@ -48,11 +48,9 @@ def bode(
             level, phase = grid[2 * i, j], grid[2 * i + 1, j]
             _measured(level, phase, omega / (2 * np.pi), measured[:, i, j], std[:, i, j], palette)
             if model is not None:
+                of_model = None if model[2] is None else model[2][:, i, j]
                 hertz, response = model[0] / (2 * np.pi), model[1][:, i, j]
-                _modelled(level, phase, hertz, response, palette)
-                if model[2] is not None:
-                    ends = (np.abs(response) * np.exp(s * model[2][:, i, j]) for s in (-1, 1))
-                    level.fill_between(hertz, *ends, color=palette.second, alpha=0.28, lw=0)
+                _modelled(level, phase, hertz, response, of_model, palette)
         for j, name in enumerate(inputs):
             grid[0, j].set_title(f"from {name}")
         for i, name in enumerate(outputs):
@@ -81,8 +79,17 @@ def _measured(
 
 
 def _modelled(
-    level: Axes, phase: Axes, hertz: Array, response: ComplexArray, palette: Palette
+    level: Axes,
+    phase: Axes,
+    hertz: Array,
+    response: ComplexArray,
+    std: Array | None,
+    palette: Palette,
 ) -> None:
+    """Draw a model's element, with the band by its standard deviations of ln |G|."""
+    if std is not None:
+        low, high = np.abs(response) * np.exp(np.multiply.outer([-1, 1], std))
+        level.fill_between(hertz, low, high, color=palette.second, alpha=0.28, lw=0)
     level.plot(hertz, np.abs(response), color=palette.second, lw=1.2)
     x, turns = unbroken(hertz, np.angle(response))
     phase.plot(x, np.degrees(turns), color=palette.second, lw=1.2)
