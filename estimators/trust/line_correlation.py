@@ -180,25 +180,33 @@ def _corrections(fit: LinearisedFit, columns: Lines, rows: Lines, root: Array, l
 
     S_0 is the identity, S_l has ones where lines are l apart.
     """
-    flat, p = columns.reshape(-1, columns.shape[-1]), columns.shape[-1]
     with np.errstate(divide="ignore", invalid="ignore"):
         white_rows = np.where(root > 0, rows / np.where(root > 0, root, 1.0), 0.0)
-    adjoint = white_rows.reshape(p, -1)
-    used = (root > 0)[..., None]
-    shifted = [_shift(columns, lag) * used for lag in range(lags + 1)]
-    shifted_rows = [
-        np.moveaxis(_shift(np.moveaxis(white_rows, 0, -1), lag) * used, -1, 0)
-        for lag in range(lags + 1)
-    ]
-    B = np.empty((lags + 1, lags + 1))
-    inner = [(np.conj(flat).T @ s.reshape(-1, p)).real for s in shifted]
-    outer = [(adjoint @ np.conj(s.reshape(p, -1)).T).real for s in shifted_rows]
-    for i in range(lags + 1):
-        for j in range(lags + 1):
-            cross = shifted_rows[j].reshape(p, -1) @ shifted[i].reshape(-1, p)
-            pairs = _pairs(root > 0, i) * fit.parts if i == j else 0.0
-            B[i, j] = pairs - 2 * float(np.trace(cross).real) + float(np.sum(inner[i] * outer[j].T))
-    return B
+    used = (root > 0)[:, :, None, :, None]
+    single, inner, outer = np.zeros((lags + 1, lags + 1)), np.zeros(()), np.zeros(())
+    for q in range(len(columns)):  # of all positions the shifted arrays would leave the cache
+        at = slice(q, q + 1)
+        J, A = _real(columns[at]), _real(np.conj(np.moveaxis(white_rows[:, at], 0, -1)))
+        shifted = np.stack([_shift(J, lag) * used[at] for lag in range(lags + 1)])
+        shifted_rows = np.stack([_shift(A, lag) * used[at] for lag in range(lags + 1)])
+        single += shifted.reshape(lags + 1, -1) @ shifted_rows.reshape(lags + 1, -1).T
+        inner, outer = inner + _products(J, shifted), outer + _products(shifted_rows, A)
+    # tr(J^T S_i J A S_j A^T) of (p, p) matrices; single ones are tr(A S_j S_i J).
+    double = inner.reshape(lags + 1, -1) @ outer.reshape(lags + 1, -1).T
+    pairs = [_pairs(root > 0, lag) * fit.parts for lag in range(lags + 1)]
+    return np.asarray(np.diag(pairs) - 2 * single + double)
+
+
+def _real(values: Lines) -> Array:
+    """Return real and imaginary parts (Q, F, 2, k, p) of values (Q, F, k, p)."""
+    return np.stack([values.real, values.imag], axis=2)
+
+
+def _products(left: Array, right: Array) -> Array:
+    """Return left^T right, (L + 1, p, p), one of them without the axis of lags."""
+    p = left.shape[-1]
+    first = left.reshape(*left.shape[:-5], -1, p)
+    return np.asarray(np.swapaxes(first, -1, -2) @ right.reshape(*right.shape[:-5], -1, p))
 
 
 def _pairs(used: NDArray[np.bool_], lag: int) -> float:

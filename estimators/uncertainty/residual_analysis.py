@@ -104,7 +104,8 @@ def residual_analysis(fit: FittedModel, lags: int = LAGS) -> ResidualAnalysis:
         raise InvalidInput(
             f"residuals: {linear.data} data for {len(linear.names)} parameters leave none"
         )
-    size = residual_size(linear, find_correlation(linear))
+    correlation = find_correlation(linear)
+    size = residual_size(linear, correlation)
     square = linear.noise_weights * np.abs(linear.residuals) ** 2
     each = linear.noise_weights * linear.element_variances * (size.expected / _stated(linear))
     visits = visits_of(problem.positions)
@@ -112,6 +113,8 @@ def residual_analysis(fit: FittedModel, lags: int = LAGS) -> ResidualAnalysis:
     with np.errstate(invalid="ignore", divide="ignore"):
         by_position = squares / _sums(each, visits)
         by_element = problem.by_output(square.sum(axis=(0, 1)) / each.sum(axis=(0, 1)))
+    if linear.deviations is not None or len(linear.line_correlation):
+        correlation = correlation_of_residuals(linear)  # above it was that of the noise
     products = lagged_products((np.sqrt(linear.noise_weights) * linear.residuals)[:, None], lags)
     return ResidualAnalysis(
         ratio=size.ratio,
@@ -121,7 +124,7 @@ def residual_analysis(fit: FittedModel, lags: int = LAGS) -> ResidualAnalysis:
         by_element=by_element,
         autocorrelation=np.array([p.sum() for p in products]) / square.sum(),
         position_autocorrelation=_sums(products[0], visits) / np.maximum(squares, 1e-300),
-        whiteness_p_value=correlation_of_residuals(linear).probability,
+        whiteness_p_value=correlation.probability,
         outlying=_outlying(by_position, linear, visits),
     )
 

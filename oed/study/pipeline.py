@@ -29,6 +29,7 @@ from oed.study.stages.posterior import check_posterior, cost_posterior, posterio
 from oed.study.stages.profiles import profiles
 from oed.study.stages.result import SelectedFit, result
 from oed.study.stages.run import MeasuredRun, SimulatedRun, open_run
+from oed.study.stages.tool import tool
 from oed.study.stages.uncertainty import uncertainty
 from robotmodels.common.arrays import Array, check_level
 from robotmodels.common.progress import StageProgress
@@ -169,11 +170,13 @@ def _results(
     )
     check = attempt("cross-check", lambda: cross_check(run, best, methods, fits.searches))
     held_out = attempt("validation", lambda: source.validation(best, theorem1))
+    plan, drawn = source.plan, methods.posterior
+    predicted = attempt("tool", lambda: tool(run, best, theorem1, drawn, plan.positions))
     names = run.robot.parameters.names
     return StudyResults(
         run.study,
         run.robot,
-        source.plan,
+        plan,
         _record(run.stages),
         source.results_data,
         fits.results,
@@ -186,6 +189,7 @@ def _results(
         ),
         _value(methods.comparison),
         _value(held_out),
+        _value(predicted),
     )
 
 

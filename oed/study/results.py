@@ -10,7 +10,7 @@ from estimators.sampling.exported_draws import fit_draws, spread_words
 from estimators.structure.power import StructurePower
 from estimators.trust.trust import Trust
 from estimators.validation.controller_margins import ControllerMargins, controller_margins
-from estimators.validation.predict_tool import ToolPrediction, predict_tool
+from estimators.validation.predict_tool import ToolPrediction
 from oed.experiment.prepare import controller_of
 from oed.plan_comparison.plan_comparison import PlanComparison
 from oed.study.parts import (
@@ -37,11 +37,8 @@ from oed.study.summary import (
 from robotmodels import ElasticRobot, linear_feedback
 from robotmodels.common.arrays import Array
 
-_TOOL_POSITIONS, _MARGIN_POSITIONS = 24, 6
-"""Positions of the plan in which tool and controller are predicted, at most."""
-
-_TOOL_DRAWS, _MARGIN_DRAWS = 200, 40
-"""Draws of a posterior for the bands of the tool, and of the fit for a controller's margins."""
+_MARGIN_POSITIONS, _MARGIN_DRAWS = 6, 40
+"""Positions of the plan in which the controller is judged, at most, and draws for its bands."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,11 +146,15 @@ class StudyResults(FittedStudy):
         The plan beside rivals in simulated experiments; None where there is none.
     validation : HeldOut or None
         Predictions of positions that were not fitted; None unless the study asks for them.
+    tool : ToolPrediction or None
+        Compliance and modes at the end of the last link in the plan's first positions; None
+        without a covariance.
     """
 
     uncertainty: UncertaintyOfResult
     comparison: PlanComparison | None
     validation: HeldOut | None
+    tool: ToolPrediction | None
 
     @property
     def trust(self) -> Trust:
@@ -177,16 +178,6 @@ class StudyResults(FittedStudy):
         """What the bands of tool and controller rest on, in words."""
         return spread_words(self.fits.result, self.posterior_draws)
 
-    def _drawn(self, count: int) -> Array:
-        rng = np.random.default_rng(0)
-        return fit_draws(self.fits.result, self.posterior_draws, count, rng)
-
-    @cached_property
-    def tool(self) -> ToolPrediction:
-        """Compliance and modes at the end of the last link in the plan's first positions."""
-        drawn = None if self.posterior_draws is None else self._drawn(_TOOL_DRAWS)
-        return predict_tool(self.fits.result, self.plan.positions[:_TOOL_POSITIONS], spread=drawn)
-
     @cached_property
     def controller(self) -> ControllerMargins | None:
         """Margins of the controller of the simulated experiment there; None without one."""
@@ -194,7 +185,8 @@ class StudyResults(FittedStudy):
         if settings is None:
             return None
         feedback = linear_feedback(controller_of(settings, self.robot))
-        drawn = self._drawn(_MARGIN_DRAWS)
+        rng = np.random.default_rng(0)
+        drawn = fit_draws(best, self.posterior_draws, _MARGIN_DRAWS, rng)
         return controller_margins(best, feedback, self.plan.positions[:_MARGIN_POSITIONS], drawn)
 
     @cached_property

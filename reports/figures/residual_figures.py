@@ -116,10 +116,10 @@ def residual_laws(standardised: Array, autocorrelation: Array) -> Drawing:
 
 def _quantiles(standardised: Array) -> tuple[Array, Array]:
     """Return quantiles of the normal law and of the residuals, evenly along the former."""
-    from scipy.stats import norm
+    from scipy.special import ndtri
 
     values = np.sort(standardised[np.isfinite(standardised)])
-    normal = norm.ppf((np.arange(len(values)) + 0.5) / len(values))
+    normal = ndtri((np.arange(len(values)) + 0.5) / len(values))
     at = np.unique(np.searchsorted(normal, np.linspace(-4.5, 4.5, _QUANTILES)))
     at = at[at < len(values)]
     return normal[at], values[at]

@@ -11,23 +11,23 @@ from reports.page_elements import Cell, Number, Section, Table, figure, filled, 
 
 
 def section(results: StudyResults) -> Section | None:
-    """Return the section; None without a covariance."""
-    if results.uncertainty.theorem1 is None:
+    """Return the section; None without a prediction."""
+    if results.tool is None:
         return None
     shown = prediction_table(results.tool)
     modes = figure(
         "modes",
         mode_figures.modes(results.tool),
         "Resonances and damping ratios of the lowest modes in each position",
-        caption=f"Lowest modes in {positions_words(results)}, with one standard deviation.",
+        caption=f"Lowest modes in {positions_words(results.tool, results)}, with one standard deviation.",
     )
     body = filled("prediction.html.j2", figures=[modes], table=shown)
     return Section("tool", "Tool", body + bands_words(results))
 
 
-def positions_words(results: StudyResults) -> str:
+def positions_words(prediction: ToolPrediction, results: StudyResults) -> str:
     """Return in which of the plan's positions the tool is predicted."""
-    shown, count = len(results.tool.points), len(results.plan.positions)
+    shown, count = len(prediction.points), len(results.plan.positions)
     return "each position" if shown == count else f"the first {shown} of {count} positions"
 
 

@@ -20,6 +20,7 @@ FAILING = {
     "profiles": "oed.study.stages.profiles.profile_likelihood",
     "cross-check": "oed.study.stages.cross_check.importance_sample",
     "validation": "oed.study.stages.validation.validate",
+    "tool": "oed.study.stages.tool.predict_tool",
     "section summary": "reports.sections.summary.filled",
     "section fit": "reports.sections.fit.run_table",
     "section provenance": "reports.sections.provenance.input_table",

@@ -21,6 +21,7 @@ STAGES = {
     "posterior",
     "profiles",
     "cross-check",
+    "tool",
 }
 INFORMATION = "stages/information/information.h5"
 
