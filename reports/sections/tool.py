@@ -15,19 +15,19 @@ def section(results: StudyResults) -> Section | None:
     if results.tool is None:
         return None
     shown = prediction_table(results.tool)
+    positions = positions_words(len(results.tool.points), len(results.plan.positions))
     modes = figure(
         "modes",
         mode_figures.modes(results.tool),
         "Resonances and damping ratios of the lowest modes in each position",
-        caption=f"Lowest modes in {positions_words(results.tool, results)}, with one standard deviation.",
+        caption=f"Lowest modes in {positions}, with one standard deviation.",
     )
     body = filled("prediction.html.j2", figures=[modes], table=shown)
     return Section("tool", "Tool", body + bands_words(results))
 
 
-def positions_words(prediction: ToolPrediction, results: StudyResults) -> str:
+def positions_words(shown: int, count: int) -> str:
     """Return in which of the plan's positions the tool is predicted."""
-    shown, count = len(prediction.points), len(results.plan.positions)
     return "each position" if shown == count else f"the first {shown} of {count} positions"
 
 

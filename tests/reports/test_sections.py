@@ -304,7 +304,5 @@ def test_estimators_that_did_alike_are_named_together():
 
 
 def test_words_say_in_which_positions_the_tool_is_predicted():
-    plan = SimpleNamespace(positions=np.zeros((30, 2)))
-    for shown, expected in ((30, "each position"), (24, "the first 24 of 30 positions")):
-        results = SimpleNamespace(plan=plan, tool=SimpleNamespace(points=np.zeros((shown, 3))))
-        assert tool.positions_words(results) == expected
+    assert tool.positions_words(30, 30) == "each position"
+    assert tool.positions_words(24, 30) == "the first 24 of 30 positions"
