@@ -7,7 +7,11 @@ import numpy as np
 
 from estimators.fitting.fitted_model import FittedModel
 from estimators.frf.repeated_visits import visits_of
-from estimators.trust.line_correlation import correlation_of_residuals, lagged_products
+from estimators.trust.line_correlation import (
+    LineCorrelation,
+    correlation_of_residuals,
+    lagged_products,
+)
 from estimators.trust.linearised_fit import LinearisedFit, Lines
 from estimators.trust.residual_size import residual_size
 from estimators.trust.rule import find_correlation
@@ -104,8 +108,7 @@ def residual_analysis(fit: FittedModel, lags: int = LAGS) -> ResidualAnalysis:
         raise InvalidInput(
             f"residuals: {linear.data} data for {len(linear.names)} parameters leave none"
         )
-    correlation = find_correlation(linear)
-    size = residual_size(linear, correlation)
+    size = residual_size(linear, correlation := find_correlation(linear))
     square = linear.noise_weights * np.abs(linear.residuals) ** 2
     each = linear.noise_weights * linear.element_variances * (size.expected / _stated(linear))
     visits = visits_of(problem.positions)
@@ -113,8 +116,6 @@ def residual_analysis(fit: FittedModel, lags: int = LAGS) -> ResidualAnalysis:
     with np.errstate(invalid="ignore", divide="ignore"):
         by_position = squares / _sums(each, visits)
         by_element = problem.by_output(square.sum(axis=(0, 1)) / each.sum(axis=(0, 1)))
-    if linear.deviations is not None or len(linear.line_correlation):
-        correlation = correlation_of_residuals(linear)  # above it was that of the noise
     products = lagged_products((np.sqrt(linear.noise_weights) * linear.residuals)[:, None], lags)
     return ResidualAnalysis(
         ratio=size.ratio,
@@ -124,9 +125,15 @@ def residual_analysis(fit: FittedModel, lags: int = LAGS) -> ResidualAnalysis:
         by_element=by_element,
         autocorrelation=np.array([p.sum() for p in products]) / square.sum(),
         position_autocorrelation=_sums(products[0], visits) / np.maximum(squares, 1e-300),
-        whiteness_p_value=correlation.probability,
+        whiteness_p_value=_whiteness(linear, correlation),
         outlying=_outlying(by_position, linear, visits),
     )
+
+
+def _whiteness(fit: LinearisedFit, errors: LineCorrelation) -> float:
+    """Return the probability that residuals are white, beside what `find_correlation` returned."""
+    by_residuals = fit.deviations is None and not len(fit.line_correlation)
+    return (errors if by_residuals else correlation_of_residuals(fit)).probability
 
 
 def _sums(values: Lines, visits: Sequence[IntArray]) -> Array:
