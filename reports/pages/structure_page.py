@@ -35,6 +35,7 @@ def write_structure_page(results: FittedStudy, structure: Structure, path: Path)
         "structure.html.j2",
         stopped=choice.stopped,
         springs=spring_table(structure),
+        twins=any(choice.twins.values()),
         steps=step_table(structure),
         powers=structure.powers,
     )

@@ -72,6 +72,7 @@ def test_score_tests_without_a_choice(study, monkeypatch, capsys) -> None:
     assert "arm1 67 % z" in out
     page = (study.parent / "out" / "structure.html").read_text()
     assert "Stick figure of the robot. Marked: " in page
+    assert "Springs in one row" not in page
     assert load_robot(study.parent / "out" / "structure.yaml").parameters.names == (
         ROBOT.parameters.names
     )
