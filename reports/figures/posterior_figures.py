@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from itertools import cycle
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -31,10 +32,7 @@ def traces(names: Sequence[str], chains: Array) -> Drawing:
     shares = _ranks(chains)
 
     def draw(palette: Palette) -> Figure:
-        figure = NotebookFigure(figsize=(7.6, 0.5 + 0.85 * len(names)), layout="constrained")
-        grid = figure.subplots(
-            len(names), 2, squeeze=False, sharex="col", gridspec_kw={"width_ratios": [2, 1]}
-        )
+        figure, grid = _panels(len(names))
         colours = (palette.accent, palette.second, palette.ink, palette.muted)
         for i, name in enumerate(names):
             trace, ranks = grid[i]
@@ -51,6 +49,17 @@ def traces(names: Sequence[str], chains: Array) -> Drawing:
         return figure
 
     return draw
+
+
+def _panels(rows: int) -> tuple[Figure, Any]:
+    """Return a figure and its axes, (rows, 2); by hand: matplotlib's layouts double its time."""
+    height = 0.6 + 0.85 * rows
+    margins = {"left": 0.1, "right": 0.99, "wspace": 0.12, "hspace": 0.45}
+    margins |= {"bottom": 0.42 / height, "top": 1 - 0.22 / height}
+    figure = NotebookFigure(figsize=(7.6, height))
+    return figure, figure.subplots(
+        rows, 2, squeeze=False, sharex="col", width_ratios=[2, 1], gridspec_kw=margins
+    )
 
 
 def _means(chains: Array) -> tuple[Array, Array]:
