@@ -104,7 +104,6 @@ from .experiment.amplitude_scaling import (
     scale as scale,
 )
 from .experiment.draw_plan import (
-    crest_factor as crest_factor,
     experiment_plan as experiment_plan,
     reduced_crest as reduced_crest,
 )
@@ -114,6 +113,7 @@ from .experiment.moves import Move as Move, MoveLimits as MoveLimits, move as mo
 from .experiment.multisine import (
     Multisine as Multisine,
     band_multisine as band_multisine,
+    crest_factor as crest_factor,
     fourier_matrix as fourier_matrix,
     random_phases as random_phases,
 )

@@ -145,12 +145,6 @@ _POINTS = 10
 _FIRST_CLIP, _LAST_CLIP = 0.75, 0.98
 
 
-def crest_factor(signal: Array, axis: int = -2) -> Array:
-    """Return peak over root mean square along the axis of time; a sine has sqrt 2."""
-    signal = np.asarray(signal, dtype=float)
-    return np.asarray(np.abs(signal).max(axis=axis) / np.sqrt(np.mean(signal**2, axis=axis)))
-
-
 def reduced_crest(grid: Multisine, phases: Array, iterations: int = 200) -> Array:
     """Return phases, (B, F, n), near `phases` with lower peaks over all runs.
 

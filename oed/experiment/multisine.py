@@ -295,6 +295,12 @@ def _checked_lines(name: str, lines: ArrayLike, grid: Multisine) -> IntArray:
     return lines
 
 
+def crest_factor(signal: Array, axis: int = -2) -> Array:
+    """Return peak over root mean square along the axis of time; a sine has sqrt 2."""
+    signal = np.asarray(signal, dtype=float)
+    return np.asarray(np.abs(signal).max(axis=axis) / np.sqrt(np.mean(signal**2, axis=axis)))
+
+
 def _checked_amplitudes(amplitudes: ArrayLike, n_lines: int, inputs: int) -> Array:
     array = np.asarray(amplitudes, dtype=float)
     column = array[:, None] if array.ndim == 1 else array

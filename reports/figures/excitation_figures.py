@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from oed.experiment.draw_plan import crest_factor
+from oed.experiment.multisine import crest_factor
 from reports.figures.notebook_figure import NotebookFigure
 from reports.figures.study_figures import Drawing, plain_logarithm
 from reports.figures.svg import Palette
