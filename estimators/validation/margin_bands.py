@@ -142,16 +142,20 @@ def _margins_or_none(
     return LoopMargins(**fields)
 
 
+_GAINS = (0.5, 0.7, 1.4, 2.0)
+"""Factors of a loop's gain that are tried; more of it damps what the motor moves."""
+
+
 @dataclass(frozen=True)
 class Suggestion:
-    """A start value for tuning: a notch filter at the torque of one motor, or less gain there.
+    """A start value for tuning: a notch filter at the torque of one motor, or another gain there.
 
     Attributes
     ----------
     motor : int
         Which, from zero.
     notch : Notch or None
-        Filter, None where only the gain falls.
+        Filter, None where only the gain changes.
     gain : float
         Factor of the loop's gain.
     before, after : float
@@ -179,8 +183,9 @@ def suggestions(
     """Return for each motor what lowers its worst peak of |S_ii| over positions, as start values.
 
     Motors whose peak is `acceptable` have none. Notch filters lie at the frequency of the worst
-    peak, as deep as 0.1 or 0.3; gains are 0.7 and 0.5 of what they are. Only what leaves all
-    positions stable and the other motors' peaks below the worst one counts. They are no tuning:
+    peak, as deep as 0.1 or 0.3; gains are 0.5 to 2 times what they are: less where a resonance is
+    amplified, more where the integral part or the position loop is too fast for the damping that
+    the speed loop gives. Only what leaves all positions stable and the other motors' peaks below the worst one counts. They are no tuning:
     each motor is changed alone.
 
     Raises
@@ -206,7 +211,7 @@ def suggestions(
 
 def _remedies(frequency: float) -> list[tuple[Notch | None, float]]:
     notches = [Notch(frequency, z, p) for z, p in ((0.05, 0.5), (0.15, 0.5), (0.3, 1.0))]
-    return [*((notch, 1.0) for notch in notches), (None, 0.7), (None, 0.5)]
+    return [*((notch, 1.0) for notch in notches), *((None, gain) for gain in _GAINS)]
 
 
 def _tried(

@@ -122,7 +122,7 @@ def locus_words(locus: DeterminantLocus, position: int) -> str:
 
 def remedy_words(remedy: Suggestion, motors: Sequence[str]) -> str:
     """Return a suggestion in words."""
-    what = f"{remedy.gain:g} of its gain"
+    what = f"{remedy.gain:g} times its gain"
     if remedy.notch is not None:
         hertz = remedy.notch.frequency / (2 * np.pi)
         what = f"a notch at {text.significant(hertz, 3)} Hz, damping {remedy.notch.zeros:g}"

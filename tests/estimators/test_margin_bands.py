@@ -77,6 +77,15 @@ def test_suggestions_lower_the_worst_peak_as_they_say() -> None:
     assert suggestions(robot, feedback.filtered(0, None, 0.05), AT) == ()
 
 
+def test_more_gain_is_suggested_where_damping_is_short() -> None:
+    """An integral part that is too fast for the speed loop: the gain that damps it is larger."""
+    slow = Controller(np.array([0.01]), np.array([0.05]), np.array([4.0]), T)
+    (remedy,) = suggestions(ROBOT, slow, AT)
+    assert remedy.notch is None
+    assert remedy.gain == 2.0
+    assert remedy.after < 0.7 * remedy.before
+
+
 def test_mistakes_are_named() -> None:
     rng = np.random.default_rng(0)
     with pytest.raises(InvalidInput, match="no standard deviation"):
