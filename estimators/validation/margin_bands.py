@@ -185,8 +185,8 @@ def suggestions(
     Motors whose peak is `acceptable` have none. Notch filters lie at the frequency of the worst
     peak, as deep as 0.1 or 0.3; gains are 0.5 to 2 times what they are: less where a resonance is
     amplified, more where the integral part or the position loop is too fast for the damping that
-    the speed loop gives. Only what leaves all positions stable and the other motors' peaks below the worst one counts. They are no tuning:
-    each motor is changed alone.
+    the speed loop gives. Only what leaves all positions stable and the other motors' peaks below
+    the worst one counts. They are no tuning: each motor is changed alone.
 
     Raises
     ------
