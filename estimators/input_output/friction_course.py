@@ -10,6 +10,7 @@ samples is near stops.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.polynomial.hermite_e import hermegauss
@@ -90,7 +91,7 @@ class MotorCourse:
         between[[0, 1, -2, -1]] = 0.0
         return np.where(clear, signs, between), clear
 
-    @property
+    @cached_property
     def _noise(self) -> float:
         """Standard deviation of the noise of angles; by sixth differences."""
         return float(np.median(np.abs(np.diff(self.angle, 6))) / (0.6745 * np.sqrt(924)))

@@ -111,7 +111,7 @@ def write_visit_files(
         try:
             write_controller_files(plan, folder, settings.files, settings, rubbing)
         except BeyondLimit as error:
-            if error.ratio > _FARTHEST or attempt + 1 == _ATTEMPTS:
+            if not 1 < error.ratio <= _FARTHEST or attempt + 1 == _ATTEMPTS:  # or it is NaN
                 raise
             plan = plan.rescaled(np.asarray(_BELOW / error.ratio))
         else:
