@@ -7,20 +7,19 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 from importlib.resources import files
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 import jinja2
 from markupsafe import Markup
-from matplotlib.figure import Figure as MatplotlibFigure
 
 from reports import text
-from reports.figures.svg import LIGHT, Palette, inline
-
-Drawing = Callable[[Palette], MatplotlibFigure]
+from reports.figures.palette import LIGHT, Drawing
+from reports.figures.svg import inline
 
 _SCRIPTS = ("report.js", "robots.js", "packed.js", "plotting.js", "responses.js", "map.js")
 
 
+@runtime_checkable
 class VectorDrawing(Protocol):
     """A drawing that is written as SVG, without matplotlib."""
 
@@ -78,7 +77,7 @@ def figure(
 ) -> Figure:
     """Return a drawing for a page; `alt` says what is to be seen."""
     name = f"in-{id}"
-    drawing = inline(draw, name, alt) if callable(draw) else draw.svg(name, alt)
+    drawing = draw.svg(name, alt) if isinstance(draw, VectorDrawing) else inline(draw, name, alt)
     return Figure(id, drawing, caption, label, wide)
 
 

@@ -23,6 +23,7 @@ from estimators.validation.predict_tool import ToolPrediction
 from oed import Design, ExactDesign, ExperimentCurve, TimeCurve
 from reports.figures import (
     bode,
+    corner_figure,
     design_map as maps,
     excitation_figures,
     mode_figures,
@@ -264,7 +265,7 @@ def corner(
     deviations = 100 * (posterior.draws - np.log(estimate))[:, i]
     true = np.full(len(estimate), np.nan) if truth is None else np.log(truth / estimate)
     covariance = 1e4 * uncertainty.covariance[np.ix_(i, i)]
-    return in_light(uncertainty_figures.corner_plot(names, deviations, covariance, 100 * true[i]))
+    return in_light(corner_figure.corner_plot(names, deviations, covariance, 100 * true[i]))
 
 
 def traces(

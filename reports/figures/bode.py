@@ -4,13 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from reports.figures.notebook_figure import NotebookFigure
+from reports.figures.palette import Drawing, Palette
 from reports.figures.response_panels import unbroken
-from reports.figures.study_figures import Drawing, plain_logarithm
-from reports.figures.svg import Palette
 from robotmodels.common.arrays import Array, ComplexArray
 
 
@@ -93,3 +93,10 @@ def _modelled(
     level.plot(hertz, np.abs(response), color=palette.second, lw=1.2)
     x, turns = unbroken(hertz, np.angle(response))
     phase.plot(x, np.degrees(turns), color=palette.second, lw=1.2)
+
+
+def plain_logarithm(axis: Axis) -> None:
+    """Write a logarithmic axis in plain figures, at 1, 2 and 5 of each decade."""
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())

@@ -6,8 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from reports.figures.study_figures import Drawing
-from reports.figures.svg import Palette
+from reports.figures.palette import Drawing, Palette
 from reports.figures.uncertainty_figures import parameter_groups
 from reports.text import significant
 from robotmodels.common.arrays import Array

@@ -11,7 +11,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 from estimators.chains.modal_model import modal_response
 from oed.chain_study.run_chain_study import ChainStudyResults, controlled_response
 from reports.figures.frf_figures import decibels
-from reports.figures.svg import Palette
+from reports.figures.palette import Palette
 from reports.text import fixed
 from robotmodels.common.arrays import Array
 

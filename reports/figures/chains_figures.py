@@ -10,7 +10,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 from estimators.chains.modal_model import modal_response
 from estimators.chains.modes import FittedModes
 from reports.figures.frf_figures import decibels
-from reports.figures.svg import Palette
+from reports.figures.palette import Palette
 from reports.text import fixed
 from robotmodels.common.arrays import Array, ComplexArray
 

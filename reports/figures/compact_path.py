@@ -45,6 +45,18 @@ def data(paths: Iterable[Path], corners: Array) -> str:
     return "".join(words)
 
 
+def polygons(x: Array, y: Array) -> str:
+    """Return path data of closed polygons with corners (N,), parted by NaN."""
+    points = np.column_stack([x, y])
+    words = []
+    for part in np.split(points, np.flatnonzero(np.isnan(points).any(axis=1))):
+        corners = np.rint(part[~np.isnan(part).any(axis=1)]).astype(np.int64)
+        if len(corners):
+            numbers = ("%+d%+d" * (len(corners) - 1)) % tuple(np.diff(corners, axis=0).ravel())
+            words.append(f"M{corners[0, 0]} {corners[0, 1]}l{numbers}z")
+    return "".join(words)
+
+
 def _simplified(
     points: Array, frame: tuple[float, float, float, float] | None, tolerance: float
 ) -> Path:

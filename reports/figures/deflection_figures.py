@@ -6,8 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from estimators.deflection.axis_deflection import DeflectionHistory
-from reports.figures.study_figures import Drawing
-from reports.figures.svg import Palette
+from reports.figures.palette import Drawing, Palette
 from robotmodels.common.arrays import Array
 
 _MOST = 1500  # points of a curve

@@ -3,12 +3,8 @@
 from collections.abc import Sequence
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from reports.figures.cells import shade_cells
-from reports.figures.notebook_figure import NotebookFigure
-from reports.figures.study_figures import Drawing
-from reports.figures.svg import Palette
+from reports.figures.panels import Area, Axis, Bubbles, Mark, Panel, Panels, cells
 from robotmodels.common.arrays import Array, IntArray
 
 _CELLS = 24  # along an axis, at most
@@ -17,7 +13,7 @@ _SHADES = 8
 
 def design_map(
     positions: Array, sensitivity: Array, weights: Array | IntArray, names: Sequence[str]
-) -> Drawing:
+) -> Panels:
     """Return the largest sensitivity in each cell of two coordinates, and the positions used.
 
     Shades go from the least of the cells to the largest.
@@ -34,26 +30,23 @@ def design_map(
         Names of the coordinates with their units.
     """
     edges = [_edges(positions[:, k]) for k in (0, 1)]
-    cells = tuple(np.searchsorted(edges[k], positions[:, k]) - 1 for k in (1, 0))
+    indices = tuple(np.searchsorted(edges[k], positions[:, k]) - 1 for k in (1, 0))
     highest = np.full([len(edges[1]) - 1, len(edges[0]) - 1], -1.0)
-    np.maximum.at(highest, cells, sensitivity / sensitivity.max())
+    np.maximum.at(highest, indices, sensitivity / sensitivity.max())
     lowest = min(float(highest[highest >= 0].min()), 0.99)
     shares = np.floor(_SHADES * (highest - lowest) / (1 - lowest))
     shades = np.where(highest < 0, -1, np.minimum(shares, _SHADES - 1)).astype(np.int64)
     used = np.flatnonzero(weights > 0)
-
-    def draw(palette: Palette) -> Figure:
-        figure = NotebookFigure(figsize=(5.4, 3.8), layout="constrained")
-        axes = figure.add_subplot()
-        styles = [(palette.accent, 0.06 + 0.9 * k / _SHADES) for k in range(_SHADES)]
-        shade_cells(axes, edges[0], edges[1], shades, styles)
-        area = 120 * weights[used] / weights.max()
-        x, y = positions[used].T
-        axes.scatter(x, y, area, color=palette.second, edgecolor=palette.ink, lw=0.6)
-        axes.set(xlim=edges[0][[0, -1]], ylim=edges[1][[0, -1]], xlabel=names[0], ylabel=names[1])
-        return figure
-
-    return draw
+    shaded: list[Mark] = [
+        Area(*cells(edges[0], edges[1], shades == k), "accent", 0.06 + 0.9 * k / _SHADES)
+        for k in np.unique(shades[shades >= 0])
+    ]
+    sizes, (across, up) = 120 * weights[used] / weights.max(), positions[used].T
+    marks = [*shaded, Bubbles(across, up, sizes, "second")]
+    x, y = (
+        Axis(name, (ends[0], ends[-1]), grid=False) for name, ends in zip(names, edges, strict=True)
+    )
+    return Panels((5.4, 3.8), [[Panel(marks, x, y)]])
 
 
 def _edges(values: Array) -> Array:

@@ -4,18 +4,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from oed.experiment.multisine import crest_factor
-from reports.figures.notebook_figure import NotebookFigure
-from reports.figures.study_figures import Drawing, plain_logarithm
-from reports.figures.svg import Palette
+from reports.figures.panels import DASHES, Area, Axis, Curve, Mark, Panel, Panels, Rule
 from reports.text import fixed
 from robotmodels import Records
 from robotmodels.common.arrays import Array, IntArray
 
 _BINS = 120  # of a signal in time, at most, each drawn from its least to its largest value
+_TITLES = ("torque [N m]", "speed [rad/s]", "angle [rad]", "torque spectrum [N m]")
 _ABOVE = 2.0  # highest line, times this, up to which angles are differentiated
 
 
@@ -52,7 +49,7 @@ def run_of(records: Records, position: int = 0, block: int = 0, run: int = 0) ->
     return Run(torque, speed, angle - angle.mean(axis=0), records.sample_time, records.lines)
 
 
-def excitation(run: Run, motors: Sequence[str], limits: Mapping[str, Array]) -> Drawing:
+def excitation(run: Run, motors: Sequence[str], limits: Mapping[str, Array]) -> Panels:
     """Return a row for each motor: torque, speed, angle in time and the spectrum of the torque.
 
     Parameters
@@ -60,45 +57,43 @@ def excitation(run: Run, motors: Sequence[str], limits: Mapping[str, Array]) -> 
     limits : mapping of str to ndarray, (n,)
         Largest "torque" [N m], "speed" [rad/s] and "swing" [rad], where there are any.
     """
-
-    def draw(palette: Palette) -> Figure:
-        figure = NotebookFigure(figsize=(8.2, 0.7 + 1.05 * len(motors)), layout="constrained")
-        grid = figure.subplots(len(motors), 4, squeeze=False, sharex="col")
-        signals = {"torque": run.torque, "speed": run.speed, "swing": run.angle}
-        for i, motor in enumerate(motors):
-            for axes, (name, signal) in zip(grid[i], signals.items(), strict=False):
-                bound = float(limits[name][i]) if name in limits else None
-                _in_time(axes, signal[:, i], run.sample_time, bound, palette)
-            _spectrum(grid[i, 3], run, i, palette)
-            crest = float(crest_factor(run.torque[:, i] - run.torque[:, i].mean(), axis=0))
-            grid[i, 0].set_ylabel(f"{motor}\ncrest {fixed(crest, 1)}")
-        titles = ("torque [N m]", "speed [rad/s]", "angle [rad]", "torque spectrum [N m]")
-        for j, title in enumerate(titles):
-            grid[0, j].set_title(title)
-            grid[-1, j].set_xlabel("time [s]" if j < 3 else "frequency [Hz]")
-        return figure
-
-    return draw
+    rows = [
+        _row(run, i, motor, limits, last=i == len(motors) - 1) for i, motor in enumerate(motors)
+    ]
+    return Panels((8.2, 0.7 + 1.05 * len(motors)), rows)
 
 
-def _in_time(
-    axes: Axes, signal: Array, sample_time: float, bound: float | None, palette: Palette
-) -> None:
-    """Draw a signal between the least and the largest value of short stretches, and its limit."""
+def _row(run: Run, i: int, motor: str, limits: Mapping[str, Array], *, last: bool) -> list[Panel]:
+    """Return the panels of one motor, with titles above the first and words below the last."""
+    crest = float(crest_factor(run.torque[:, i] - run.torque[:, i].mean(), axis=0))
+    y = [Axis(f"{motor}\ncrest {fixed(crest, 1)}", count=4, grid=False)]
+    y += [Axis(count=4, grid=False)] * 2
+    ends = (0.0, run.sample_time * len(run.torque))
+    time = Axis("time [s]" if last else "", ends, count=4, numbered=last, grid=False)
+    signals = (("torque", run.torque), ("speed", run.speed), ("swing", run.angle))
+    titles = [""] * 4 if i else [*_TITLES]
+    row = []
+    for axis, title, (name, signal) in zip(y, titles, signals, strict=False):
+        bound = limits[name][i] if name in limits else None
+        row.append(Panel(_in_time(signal[:, i], run.sample_time, bound), time, axis, title))
+    hertz = Axis("frequency [Hz]" if last else "", log=True, numbered=last, grid=False)
+    amplitude = Axis(log=True, count=4, grid=False)
+    return [*row, Panel([_spectrum(run, i)], hertz, amplitude, titles[3])]
+
+
+def _in_time(signal: Array, sample_time: float, bound: float | None) -> list[Mark]:
+    """Return a signal between the least and the largest value of short stretches, and its limit."""
     starts = np.unique(np.linspace(0, len(signal), min(len(signal), _BINS) + 1).astype(int))[:-1]
     low, high = (extreme.reduceat(signal, starts) for extreme in (np.minimum, np.maximum))
     time = sample_time * starts
-    axes.fill_between(time, low, high, color=palette.accent, lw=0.5)
-    if bound is not None:
-        for side in (-bound, bound):
-            axes.axhline(side, color=palette.second, lw=0.9, dashes=(4, 3))
-    axes.set_xlim(0, sample_time * len(signal))
+    shape = Area(np.concatenate([time, time[::-1]]), np.concatenate([low, high[::-1]]), "accent")
+    # A signal without noise has no height in a stretch of one sample.
+    marks: list[Mark] = [shape, Curve(time, (low + high) / 2, "accent", 0.5)]
+    limits = () if bound is None else (-bound, bound)
+    return [*marks, *(Rule(float(side), "second", 0.9, DASHES) for side in limits)]
 
 
-def _spectrum(axes: Axes, run: Run, motor: int, palette: Palette) -> None:
+def _spectrum(run: Run, motor: int) -> Curve:
     amplitude = 2 * np.abs(np.fft.rfft(run.torque[:, motor]))[run.lines] / len(run.torque)
     hertz = run.lines / (len(run.torque) * run.sample_time)
-    axes.plot(hertz, amplitude, ".", color=palette.accent, ms=2.5)
-    axes.set(xscale="log", yscale="log")
-    plain_logarithm(axes.xaxis)
-    plain_logarithm(axes.yaxis)
+    return Curve(hertz, amplitude, "accent", 0.0, 2.0)

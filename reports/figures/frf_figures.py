@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
 from estimators.frf.distortion import Distortion
-from reports.figures.svg import Palette
+from reports.figures.palette import Palette
 from reports.text import fixed
 from robotmodels.common.arrays import Array
 

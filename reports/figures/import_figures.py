@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 
-from reports.figures.svg import Palette
+from reports.figures.palette import Palette
 from robotmodels.common.arrays import Array
 
 _COLUMNS = 2

@@ -3,12 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from estimators.validation.margin_bands import MarginBand
-from reports.figures.study_figures import Drawing
-from reports.figures.svg import Palette
+from reports.figures.panels import Axis, Curve, Panel, Panels, bars
 from robotmodels import DeterminantLocus
 from robotmodels.common.arrays import Array
 
@@ -17,54 +14,46 @@ _PANELS = (
     ("phase_margin", "phase margin [°]", 180 / np.pi),
     ("peak_sensitivity", "peak of |S|", 1.0),
 )
+_DOTTED = (1.0, 1.65)
 _WIDTH = 0.6
 """Of the positions of one motor, in motors."""
 
 
-def margins_by_motor(band: MarginBand, motors: Sequence[str]) -> Drawing:
+def margins_by_motor(band: MarginBand, motors: Sequence[str]) -> Panels:
     """Return margins of each motor, one dot with its interval for each position."""
-
-    def draw(palette: Palette) -> Figure:
-        figure = Figure(figsize=(7.0, 5.6), layout="constrained")
-        for axes, (name, label, factor) in zip(
-            figure.subplots(3, 1, sharex=True), _PANELS, strict=True
-        ):
-            parts = (getattr(m, name) for m in (band.nominal, band.lower, band.upper))
-            _dots(axes, palette, [factor * part for part in parts])
-            axes.set(ylabel=label)
-            axes.grid(True, axis="y")
-        axes.set_xticks(range(len(motors)), motors, rotation=30 if len(motors) > 4 else 0)
-        return figure
-
-    return draw
+    names = {float(j): motor for j, motor in enumerate(motors)}
+    ends, rotation = (-0.5, len(motors) - 0.5), 30.0 if len(motors) > 4 else 0.0
+    rows = []
+    for name, label, factor in _PANELS:
+        last = name == _PANELS[-1][0]
+        x = Axis("", ends, names=names, rotation=rotation, numbered=last, grid=False)
+        parts = [factor * getattr(m, name) for m in (band.nominal, band.lower, band.upper)]
+        rows.append([Panel(_dots(parts), x, Axis(label))])
+    return Panels((7.0, 5.6), rows)
 
 
-def _dots(axes: Axes, palette: Palette, values: list[Array]) -> None:
-    """Draw values and intervals, (Q, n); what has no limit is not drawn."""
+def _dots(values: list[Array]) -> tuple[Curve, Curve]:
+    """Return values and intervals, (Q, n); what has no limit is not drawn."""
     positions, motors = values[0].shape
     shifts = _WIDTH * ((np.arange(positions) + 0.5) / positions - 0.5)
-    x = np.arange(motors) + shifts[:, None]
-    nominal, low, high = (np.where(np.isfinite(v), v, np.nan) for v in values)
-    axes.vlines(x, low, high, color=palette.accent, lw=1.2, alpha=0.5)
-    axes.plot(x, nominal, "o", color=palette.accent, ms=3)
+    x = (np.arange(motors) + shifts[:, None]).ravel()
+    nominal, low, high = (np.where(np.isfinite(v), v, np.nan).ravel() for v in values)
+    intervals = Curve(*bars(x, low, high), "accent", 1.2, opacity=0.5)
+    return intervals, Curve(x, nominal, "accent", 0.0, 3.0)
 
 
-def determinant_curve(locus: DeterminantLocus) -> Drawing:
+def determinant_curve(locus: DeterminantLocus) -> Panels:
     """Return det(1 + F G), its distance r from the origin drawn as r / (1 + r)."""
-
-    def draw(palette: Palette) -> Figure:
-        figure = Figure(figsize=(4.6, 4.6), layout="constrained")
-        axes = figure.add_subplot()
-        curve = locus.values / (1 + np.abs(locus.values))
-        axes.plot(curve.real, curve.imag, color=palette.accent, lw=1.2)
-        axes.plot(curve.real, -curve.imag, color=palette.accent, lw=0.9, ls=":")
-        angle = np.linspace(0, 2 * np.pi, 200)
-        for radius, style in ((0.5, ":"), (1.0, "-")):
-            ring = radius * np.exp(1j * angle)
-            axes.plot(ring.real, ring.imag, color=palette.rule, lw=0.8, ls=style)
-        axes.plot(0, 0, "+", color=palette.second, ms=9)
-        axes.set(aspect="equal", xticks=[], yticks=[])
-        axes.set(xlabel="real part, squeezed", ylabel="imaginary part, squeezed")
-        return figure
-
-    return draw
+    curve = locus.values / (1 + np.abs(locus.values))
+    turn = np.exp(1j * np.linspace(0, 2 * np.pi, 200))
+    marks = (
+        Curve(0.5 * turn.real, 0.5 * turn.imag, "rule", 0.8, dashes=_DOTTED),
+        Curve(turn.real, turn.imag, "rule", 0.8),
+        Curve(curve.real, curve.imag, "accent", 1.2),
+        Curve(curve.real, -curve.imag, "accent", 0.9, dashes=_DOTTED),
+        Curve(
+            np.array([-0.03, 0.03, np.nan, 0, 0]), np.array([0, 0, np.nan, -0.03, 0.03]), "second"
+        ),
+    )
+    x, y = (Axis(f"{part} part, squeezed", names={}) for part in ("real", "imaginary"))
+    return Panels((4.6, 4.6), [[Panel(marks, x, y, square=True)]])

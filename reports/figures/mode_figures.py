@@ -1,38 +1,27 @@
 """Figures of modes: frequencies and damping ratios with their intervals, over positions."""
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from estimators.validation.predict_tool import ToolPrediction
-from reports.figures.notebook_figure import NotebookFigure
-from reports.figures.study_figures import Drawing
-from reports.figures.svg import Palette
+from reports.figures.panels import SERIES, Axis, Curve, Panel, Panels, bars
 
 
-def modes(prediction: ToolPrediction) -> Drawing:
+def modes(prediction: ToolPrediction) -> Panels:
     """Return resonances and damping ratios of each position, with one standard deviation."""
     frequency, damping = prediction.resonances, prediction.damping
-    panels = (
+    number = np.arange(1.0, len(prediction.points) + 1)
+    x = Axis("position", (0.5, len(number) + 0.5), integer=True, count=12, grid=False)
+    row = []
+    for title, values, std in (
         ("resonance [Hz]", frequency.values.real / (2 * np.pi), frequency.std),
         ("damping ratio [%]", 100 * damping.values.real, damping.std),
-    )
-    number = np.arange(1, len(prediction.points) + 1)
-
-    def draw(palette: Palette) -> Figure:
-        figure = NotebookFigure(figsize=(7.0, 2.6), layout="constrained")
-        colours = (palette.accent, palette.second, palette.ink, palette.muted)
-        for axes, (title, values, std) in zip(figure.subplots(1, 2), panels, strict=True):
-            for k in range(values.shape[1]):
-                colour, y = colours[k % len(colours)], values[:, k]
-                axes.errorbar(
-                    number, y, y * std[:, k], fmt="o", color=colour, ms=4, label=f"mode {k + 1}"
-                )
-            axes.set(xlabel="position", ylabel=title, ylim=(0, None), xlim=(0.5, len(number) + 0.5))
-            axes.xaxis.set_major_locator(MaxNLocator(12, integer=True))
-            axes.grid(True, axis="y")
-            axes.set_axisbelow(True)
-        figure.legend(*axes.get_legend_handles_labels(), loc="outside upper right", ncols=4)
-        return figure
-
-    return draw
+    ):
+        marks = []
+        for k in range(values.shape[1]):
+            colour, mode, half = SERIES[k % len(SERIES)], values[:, k], values[:, k] * std[:, k]
+            marks.append(Curve(*bars(number, mode - half, mode + half), colour, 1.5))
+            marks.append(Curve(number, mode, colour, 0.0, 4.0))
+        row.append(Panel(marks, x, Axis(title, (0.0, None))))
+    several = range(frequency.values.shape[1])
+    legend = [(f"mode {k + 1}", SERIES[k % len(SERIES)]) for k in several]
+    return Panels((7.0, 2.6), [row], legend=legend)

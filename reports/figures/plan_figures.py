@@ -3,13 +3,8 @@
 from collections.abc import Sequence
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
-from reports.figures.notebook_figure import NotebookFigure
-from reports.figures.study_figures import Drawing, plain_logarithm
-from reports.figures.svg import Palette
+from reports.figures.panels import Axis, Curve, Panel, Panels
 from robotmodels.common.arrays import Array, IntArray
 
 
@@ -20,7 +15,7 @@ def trade_off(
     *,
     bound: Array | None = None,
     label: str = "visits",
-) -> Drawing:
+) -> Panels:
     """Return the largest and the median standard deviation over the robot's time or visits.
 
     Parameters
@@ -34,41 +29,26 @@ def trade_off(
     label : str
         What `cost` is.
     """
-
-    def draw(palette: Palette) -> Figure:
-        figure = NotebookFigure(figsize=(7.0, 2.9 if bound is None else 3.6), layout="constrained")
-        ratios = [1] if bound is None else [3, 1]
-        grid = figure.subplots(
-            len(ratios), 1, squeeze=False, sharex=True, gridspec_kw={"height_ratios": ratios}
-        )[:, 0]
-        _accuracy(grid[0], cost, std, names, palette)
-        if bound is not None:
-            grid[1].plot(cost, 100 * bound, "o-", color=palette.accent, ms=3, lw=1.3)
-            grid[1].set(ylabel="efficiency [%]", ylim=(None, 101))
-        grid[-1].set(xlabel=label)
-        grid[-1].xaxis.set_major_locator(MaxNLocator(10, integer=label == "visits"))
-        for axes in grid:
-            axes.grid(True)
-            axes.set_axisbelow(True)
-        return figure
-
-    return draw
-
-
-def _accuracy(
-    axes: Axes, cost: Array | IntArray, std: Array, names: Sequence[str], palette: Palette
-) -> None:
-    """Draw every parameter's standard deviation, their largest and their median."""
+    x = Axis(label, integer=label == "visits", count=10)
+    above = Axis(integer=x.integer, count=10, numbered=False)
     worst = int(np.argmax(np.where(np.isfinite(std[-1]), std[-1], -np.inf)))
-    every = np.isfinite(std).all(axis=1)
-    shown = np.where(np.isfinite(std), 100 * std, np.nan)
-    axes.plot(cost, shown, color=palette.rule, lw=0.6)
-    for values, colour, words in (
-        (shown.max(axis=1), palette.accent, f"largest, at last {names[worst]}"),
-        (np.median(shown, axis=1), palette.second, "median"),
-    ):
-        gaps = np.where(every, values, np.nan)
-        axes.plot(cost, gaps, "o-", color=colour, ms=3, lw=1.3, label=words)
-    axes.set(yscale="log", ylabel="std [%]")
-    axes.legend()
-    plain_logarithm(axes.yaxis)
+    marks = _accuracy(cost, np.where(np.isfinite(std), 100 * std, np.nan))
+    rows = [[Panel(marks, x if bound is None else above, Axis("std [%]", log=True))]]
+    if bound is not None:
+        shares = Curve(cost, 100 * bound, "accent", 1.3, 3.0)
+        rows.append([Panel([shares], x, Axis("efficiency [%]", (None, 101.0), count=3))])
+    return Panels(
+        (7.0, 2.9 if bound is None else 3.6),
+        rows,
+        heights=[1] if bound is None else [2, 1],
+        legend=[(f"largest, at last {names[worst]}", "accent"), ("median", "second")],
+    )
+
+
+def _accuracy(cost: Array | IntArray, shown: Array) -> list[Curve]:
+    """Return every parameter's standard deviation, (C, p), their largest and their median."""
+    return [
+        *(Curve(cost, one, "rule", 0.6) for one in shown.T),
+        Curve(cost, shown.max(axis=1), "accent", 1.3, 3.0),
+        Curve(cost, np.median(shown, axis=1), "second", 1.3, 3.0),
+    ]

@@ -2,21 +2,18 @@
 
 from collections.abc import Sequence
 from itertools import cycle
-from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from reports.figures.notebook_figure import NotebookFigure
-from reports.figures.study_figures import Drawing
-from reports.figures.svg import Palette
+from reports.figures.panels import DASHES, SERIES, Axis, Curve, Panel, Panels, Rule
 from robotmodels.common.arrays import Array
 
 _POINTS = 40  # of a trace, at most
 _BINS = 12  # of ranks
+_LABELS = ("part of the chain", "rank among all draws")
 
 
-def traces(names: Sequence[str], chains: Array) -> Drawing:
+def traces(names: Sequence[str], chains: Array) -> Panels:
     """Return means of each ensemble along its steps, and ranks of its draws among all.
 
     Ranks spread evenly where the ensembles agree (Vehtari et al. 2021).
@@ -31,35 +28,33 @@ def traces(names: Sequence[str], chains: Array) -> Drawing:
     along, means = _means(chains)
     shares = _ranks(chains)
 
-    def draw(palette: Palette) -> Figure:
-        figure, grid = _panels(len(names))
-        colours = (palette.accent, palette.second, palette.ink, palette.muted)
-        for i, name in enumerate(names):
-            trace, ranks = grid[i]
-            ranks.axhline(1, color=palette.muted, lw=0.8, dashes=(4, 3))
-            for mean, share, colour in zip(means, shares, cycle(colours), strict=False):
-                trace.plot(along, mean[:, i], color=colour, lw=0.9)
-                counts, ends = np.histogram(share[:, i], _BINS, (0, 1))
-                ranks.stairs(counts / counts.mean(), ends, color=colour, lw=0.9)
-            trace.set_title(name, loc="left")
-            ranks.set(ylim=(0.5, 1.5), yticks=[0.5, 1, 1.5])
-        grid[-1, 0].set(xlim=(0, 1), xlabel="part of the chain")
-        grid[-1, 1].set(xlim=(0, 1), xlabel="rank among all draws")
-        figure.supylabel("mean deviation from the estimate [%]", color=palette.muted, size=9)
-        return figure
+    rows = []
+    for i, name in enumerate(names):
+        last = i == len(names) - 1
+        walks = [
+            Curve(along, mean[:, i], colour, 0.9)
+            for mean, colour in zip(means, cycle(SERIES), strict=False)
+        ]
+        steps = [
+            Curve(*_outline(share[:, i]), colour, 0.9)
+            for share, colour in zip(shares, cycle(SERIES), strict=False)
+        ]
+        x = [
+            Axis(words if last else "", (0.0, 1.0), numbered=last, grid=False) for words in _LABELS
+        ]
+        y = Axis(limits=(0.5, 1.5), count=3, grid=False)
+        even = Rule(1.0, "muted", 0.8, DASHES)
+        rows.append(
+            [Panel(walks, x[0], Axis(count=4, grid=False), name), Panel([even, *steps], x[1], y)]
+        )
+    size = (7.6, 0.6 + 0.85 * len(names))
+    return Panels(size, rows, widths=(2, 1), up="mean deviation from the estimate [%]")
 
-    return draw
 
-
-def _panels(rows: int) -> tuple[Figure, Any]:
-    """Return a figure and its axes, (rows, 2); by hand: matplotlib's layouts double its time."""
-    height = 0.6 + 0.85 * rows
-    margins = {"left": 0.1, "right": 0.99, "wspace": 0.12, "hspace": 0.45}
-    margins |= {"bottom": 0.42 / height, "top": 1 - 0.22 / height}
-    figure = NotebookFigure(figsize=(7.6, height))
-    return figure, figure.subplots(
-        rows, 2, squeeze=False, sharex="col", width_ratios=[2, 1], gridspec_kw=margins
-    )
+def _outline(shares: Array) -> tuple[Array, Array]:
+    """Return a histogram of shares over its mean as a line of steps."""
+    counts, ends = np.histogram(shares, _BINS, (0, 1))
+    return np.repeat(ends, 2)[1:-1], np.repeat(counts / counts.mean(), 2)
 
 
 def _means(chains: Array) -> tuple[Array, Array]:

@@ -8,8 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from estimators.validation.predict_tool import ToolPrediction
-from reports.figures.study_figures import Drawing
-from reports.figures.svg import Palette
+from reports.figures.palette import Drawing, Palette
 from reports.text import significant
 from robotmodels.elastic.tool_response import MOTIONS
 

@@ -4,19 +4,16 @@ from collections.abc import Sequence
 from statistics import NormalDist
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from estimators.sampling.profile_likelihood import Profile
-from reports.figures.notebook_figure import NotebookFigure
-from reports.figures.study_figures import Drawing
-from reports.figures.svg import Palette
+from reports.figures.panels import Axis, Curve, Mark, Panel, Panels, Rule
 from robotmodels.common.arrays import Array
 
 _COLUMNS, _POINTS = 3, 121
+_DOTTED = (1.0, 2.0)
 
 
-def profiles(curves: Sequence[Profile], estimate: Array, std: Array) -> Drawing:
+def profiles(curves: Sequence[Profile], estimate: Array, std: Array) -> Panels:
     """Return the rise of -2 log p over each parameter, beside the parabola of a covariance.
 
     Parameters
@@ -28,36 +25,34 @@ def profiles(curves: Sequence[Profile], estimate: Array, std: Array) -> Drawing:
     std : ndarray, (k,)
         Relative standard deviations, of the parabolas.
     """
-
-    def draw(palette: Palette) -> Figure:
-        rows = -(-len(curves) // _COLUMNS)
-        figure = NotebookFigure(figsize=(7.6, 0.5 + 1.9 * rows), layout="constrained")
-        grid = figure.subplots(rows, _COLUMNS, squeeze=False, sharey=True).ravel()
-        for axes, one, value, width in zip(grid, curves, estimate, std, strict=False):
-            _panel(axes, one, float(value), float(width), palette)
-        for axes in grid[len(curves) :]:
-            axes.set_visible(False)
-        figure.supxlabel("deviation from the estimate [%]", color=palette.muted, size=9)
-        figure.supylabel("rise of −2 log p", color=palette.muted, size=9)
-        return figure
-
-    return draw
+    panels: list[Panel | None] = [
+        _panel(one, float(value), float(width), first=k % _COLUMNS == 0)
+        for k, (one, value, width) in enumerate(zip(curves, estimate, std, strict=True))
+    ]
+    rows = -(-len(panels) // _COLUMNS)
+    panels += [None] * (_COLUMNS * rows - len(panels))
+    return Panels(
+        (7.6, 0.5 + 1.9 * rows),
+        [panels[k : k + _COLUMNS] for k in range(0, len(panels), _COLUMNS)],
+        across="deviation from the estimate [%]",
+        up="rise of −2 log p",
+    )
 
 
-def _panel(axes: Axes, one: Profile, estimate: float, std: float, palette: Palette) -> None:
-    """Draw one profile, its interval and the parabola."""
+def _panel(one: Profile, estimate: float, std: float, first: bool) -> Panel:
+    """Return one profile, its interval and the parabola; numbers on the left in the first only."""
     rise = NormalDist().inv_cdf((1 + one.level) / 2) ** 2
     at, height, between, smooth = _smooth(one, estimate)
-    axes.plot(between, smooth, color=palette.accent, lw=1.4)
-    axes.plot(at, height, "o", color=palette.accent, ms=3)
-    axes.plot(between, (between / (100 * std)) ** 2, color=palette.second, lw=1.4, dashes=(6, 6))
-    axes.axhline(rise, color=palette.muted, lw=0.8, dashes=(1, 2))
-    for end in (one.lower, one.upper):
-        axes.axvline(100 * np.log(end / estimate), color=palette.muted, lw=0.8, dashes=(1, 2))
-    axes.set(ylim=(0, 3 * rise))
-    axes.set_title(one.name, loc="left")
-    axes.grid(True)
-    axes.set_axisbelow(True)
+    ends = [100 * float(np.log(end / estimate)) for end in (one.lower, one.upper)]
+    marks: list[Mark] = [
+        Curve(between, smooth, "accent"),
+        Curve(at, height, "accent", 0.0, 3.0),
+        Curve(between, (between / (100 * std)) ** 2, "second", 1.4, dashes=(6.0, 6.0)),
+        Rule(rise, "muted", 0.8, _DOTTED),
+        *(Rule(end, "muted", 0.8, _DOTTED, upright=True) for end in ends if np.isfinite(end)),
+    ]
+    y = Axis(limits=(0.0, 3 * rise), numbered=first)
+    return Panel(marks, Axis(count=5), y, title=one.name)
 
 
 def _smooth(one: Profile, estimate: float) -> tuple[Array, Array, Array, Array]:

@@ -15,7 +15,7 @@ from oed.replication.six_estimators import (
     REFERENCE,
     Evaluation,
 )
-from reports.figures.svg import Palette
+from reports.figures.palette import Palette
 from reports.text import fixed, significant
 from robotmodels.common.arrays import Array, ComplexArray
 

@@ -1,14 +1,9 @@
 """Figures of standardised residuals: where they are large, and whether noise has their law."""
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from reports.figures.cells import shade_cells
-from reports.figures.notebook_figure import NotebookFigure
-from reports.figures.study_figures import Drawing, plain_logarithm
-from reports.figures.svg import Palette
+from reports.figures.panels import DASHES, Area, Axis, Curve, Panel, Panels, Rule, bars, cells
 from robotmodels.common.arrays import Array, IntArray
 
 _COLUMNS = 40  # of a map, at most
@@ -18,7 +13,7 @@ _QUANTILES = 60
 _BOUND = 3.29  # of an autocorrelation of white noise, in a thousandth of all cases
 
 
-def residual_map(standardised: Array, omega: Array, held_out: Array | None = None) -> Drawing:
+def residual_map(standardised: Array, omega: Array, held_out: Array | None = None) -> Panels:
     """Return mean squared residuals by position and line, one where noise explains them.
 
     Parameters
@@ -32,25 +27,23 @@ def residual_map(standardised: Array, omega: Array, held_out: Array | None = Non
     """
     edges = np.unique(np.linspace(0, len(omega), min(len(omega), _COLUMNS) + 1).astype(int))
     fitted = _mean_squares(standardised, edges)
-    cells = fitted if held_out is None else _with_rows(fitted, held_out, edges)
+    squares = fitted if held_out is None else _with_rows(fitted, held_out, edges)
     hertz = omega / (2 * np.pi)
     between = np.sqrt(hertz[1:] * hertz[:-1])
     ends = np.concatenate([hertz[:1], between, hertz[-1:]])[edges]
 
-    def draw(palette: Palette) -> Figure:
-        rows = len(cells)
-        figure = NotebookFigure(figsize=(7.0, 0.9 + 0.17 * rows), layout="constrained")
-        axes = figure.add_subplot()
-        colours = [palette.accent] * 4 + [palette.second] * 4
-        styles = list(zip(colours, _OPACITY, strict=True))
-        shade_cells(axes, ends, np.arange(rows + 1.0) + 0.5, np.digitize(cells, _SHADES), styles)
-        axes.set(xlim=(ends[0], ends[-1]), ylim=(rows + 0.5, 0.5), xscale="log")
-        axes.set(xlabel="frequency [Hz]", ylabel="position")
-        plain_logarithm(axes.xaxis)
-        _number_rows(axes, len(fitted), rows, palette)
-        return figure
-
-    return draw
+    shades, rows = np.digitize(squares, _SHADES), len(squares)
+    edges_y = np.arange(rows + 1.0) + 0.5
+    areas = [
+        Area(*cells(ends, edges_y, shades == k), "accent" if k < 4 else "second", opacity)
+        for k, opacity in enumerate(_OPACITY)
+        if opacity and (shades == k).any()
+    ]
+    divided = [Rule(len(fitted) + 1.0, "muted")] if rows > len(fitted) else []
+    x = Axis("frequency [Hz]", (ends[0], ends[-1]), log=True, grid=False, count=8)
+    names = _names(len(fitted), rows)
+    y = Axis("position", (rows + 0.5, 0.5), names=names, grid=False)
+    return Panels((7.0, 0.9 + 0.17 * rows), [[Panel([*areas, *divided], x, y)]])
 
 
 def _with_rows(fitted: Array, held_out: Array, edges: IntArray) -> Array:
@@ -59,15 +52,11 @@ def _with_rows(fitted: Array, held_out: Array, edges: IntArray) -> Array:
     return np.concatenate([fitted, np.ones((1, fitted.shape[1])), below])
 
 
-def _number_rows(axes: Axes, fitted: int, rows: int, palette: Palette) -> None:
-    """Label the rows of fitted positions, and divide them from those held out."""
+def _names(fitted: int, rows: int) -> dict[float, str]:
+    """Return the words of rows: numbers of fitted positions, and where others are held out."""
     every = np.asarray(MaxNLocator(12, integer=True).tick_values(1, fitted))
-    ticks = [float(tick) for tick in every if 1 <= tick <= fitted]
-    labels = [f"{tick:.0f}" for tick in ticks]
-    if rows > fitted:
-        axes.axhline(fitted + 1, color=palette.muted, lw=0.8)
-        ticks, labels = [*ticks, (fitted + 2 + rows) / 2], [*labels, "held out"]
-    axes.set_yticks(ticks, labels)
+    names = {float(tick): f"{tick:.0f}" for tick in every if 1 <= tick <= fitted}
+    return names | ({(fitted + 2 + rows) / 2: "held out"} if rows > fitted else {})
 
 
 def _mean_squares(standardised: Array, edges: IntArray) -> Array:
@@ -80,7 +69,7 @@ def _mean_squares(standardised: Array, edges: IntArray) -> Array:
     return np.asarray(np.where(number > 0, total / np.maximum(number, 1), 1.0))
 
 
-def residual_laws(standardised: Array, autocorrelation: Array) -> Drawing:
+def residual_laws(standardised: Array, autocorrelation: Array) -> Panels:
     """Return quantiles of the residuals against those of noise, and their autocorrelation.
 
     Parameters
@@ -93,25 +82,30 @@ def residual_laws(standardised: Array, autocorrelation: Array) -> Drawing:
     normal, quantile = _quantiles(standardised)
     bound = _BOUND / np.sqrt(np.isfinite(standardised).sum())
 
-    def draw(palette: Palette) -> Figure:
-        figure = NotebookFigure(figsize=(7.0, 2.9), layout="constrained")
-        quantiles, lags = figure.subplots(1, 2)
-        reach = max(4.0, float(np.abs(quantile).max()))
-        quantiles.plot([-5, 5], [-5, 5], color=palette.muted, lw=0.8, dashes=(4, 3))
-        quantiles.plot(normal, quantile, "o", color=palette.accent, ms=3)
-        quantiles.set(xlim=(-4.6, 4.6), ylim=(-1.05 * reach, 1.05 * reach))
-        quantiles.set(xlabel="standard normal quantile", ylabel="residual [std]")
-        number = np.arange(1, len(autocorrelation) + 1)
-        lags.axhspan(-bound, bound, color=palette.muted, alpha=0.25, lw=0)
-        lags.axhline(0, color=palette.muted, lw=0.8)
-        lags.vlines(number, 0, autocorrelation, color=palette.accent, lw=1.6)
-        lags.plot(number, autocorrelation, "o", color=palette.accent, ms=4)
-        highest = max(0.1, 1.2 * float(np.abs(autocorrelation).max()))
-        lags.set(ylim=(-highest, highest), xticks=number)
-        lags.set(xlabel="lines apart", ylabel="autocorrelation")
-        return figure
-
-    return draw
+    reach = max(4.0, float(np.abs(quantile).max()))
+    line = np.array([-5.0, 5.0])
+    quantiles = Panel(
+        [
+            Curve(line, line, "muted", 0.8, dashes=DASHES),
+            Curve(normal, quantile, "accent", 0.0, 3.0),
+        ],
+        Axis("standard normal quantile", (-4.6, 4.6), grid=False),
+        Axis("residual [std]", (-1.05 * reach, 1.05 * reach), grid=False),
+    )
+    number = np.arange(1.0, len(autocorrelation) + 1)
+    ends = (0.5, len(number) + 0.5)
+    highest = max(0.1, 1.2 * float(np.abs(autocorrelation).max()))
+    lags = Panel(
+        [
+            Area(np.repeat(ends, 2), bound * np.array([-1.0, 1.0, 1.0, -1.0]), "muted", 0.25),
+            Rule(0.0, "muted"),
+            Curve(*bars(number, np.zeros(len(number)), autocorrelation), "accent", 1.6),
+            Curve(number, autocorrelation, "accent", 0.0, 4.0),
+        ],
+        Axis("lines apart", ends, integer=True, grid=False),
+        Axis("autocorrelation", (-highest, highest), grid=False),
+    )
+    return Panels((7.0, 2.9), [[quantiles, lags]])
 
 
 def _quantiles(standardised: Array) -> tuple[Array, Array]:

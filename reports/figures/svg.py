@@ -5,30 +5,19 @@ import io
 import re
 import warnings
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from functools import cache
 from html import escape
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 from markupsafe import Markup
-from matplotlib.figure import Figure
 
+from reports.figures.palette import LIGHT, Drawing, Palette
 
-@dataclass(frozen=True)
-class Palette:
-    """The colours a figure may use."""
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
-    ink: str
-    muted: str
-    rule: str
-    accent: str
-    second: str
-
-
-LIGHT = Palette(ink="#1c2126", muted="#5d666f", rule="#d9dde1", accent="#1d5c92", second="#b3541e")
-"""The page's colours in the light, for pictures of points."""
 
 STAND_IN = Palette(*(f"#01020{i}" for i in range(3, 8)))
 """Colours that matplotlib draws with and the page replaces by light or dark ones."""
@@ -40,7 +29,7 @@ LARGEST_SVG = 300_000
 """Bytes above which a figure is embedded as a picture of points instead."""
 
 
-def inline(draw: Callable[[Palette], Figure], name: str, alt: str) -> Markup:
+def inline(draw: Drawing, name: str, alt: str) -> Markup:
     """Return a figure as inline SVG, or as PNG where the SVG would be large.
 
     Parameters
@@ -68,13 +57,13 @@ def inline(draw: Callable[[Palette], Figure], name: str, alt: str) -> Markup:
     return Markup(svg)
 
 
-def in_light(draw: Callable[[Palette], Figure]) -> Figure:
+def in_light(draw: Drawing) -> "Figure":
     """Return a figure in the page's light colours, for notebooks and papers."""
     with mpl.rc_context(_style(LIGHT)):
         return draw(LIGHT)
 
 
-def _picture(draw: Callable[[Palette], Figure], alt: str) -> Markup:
+def _picture(draw: Drawing, alt: str) -> Markup:
     """Return a figure as PNG on a light card, readable on a dark page too."""
     with mpl.rc_context(_style(LIGHT)):
         buffer = io.BytesIO()

@@ -7,8 +7,7 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from reports.figures.study_figures import Drawing
-from reports.figures.svg import Palette
+from reports.figures.palette import Drawing, Palette
 from reports.text import significant
 from robotmodels.common.arrays import Array, ComplexArray
 

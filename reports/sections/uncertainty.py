@@ -7,7 +7,7 @@ from estimators.sampling.posterior import Posterior
 from estimators.uncertainty.covariance import Uncertainty
 from oed.study.results import StudyResults
 from reports import text
-from reports.figures import posterior_figures, profile_figures, uncertainty_figures
+from reports.figures import corner_figure, posterior_figures, profile_figures, uncertainty_figures
 from reports.page_elements import (
     Column,
     Figure,
@@ -82,7 +82,7 @@ def corner(results: StudyResults, theorem1: Uncertainty, posterior: Posterior) -
     shown = 100 * (draws[:: max(len(draws) // CORNER_DRAWS, 1)] - estimate)[:, i]
     truth = 100 * (np.log(results.truth) - estimate)[i]
     covariance = 1e4 * theorem1.covariance[np.ix_(i, i)]
-    drawing = uncertainty_figures.corner_plot(names, shown, covariance, truth)
+    drawing = corner_figure.corner_plot(names, shown, covariance, truth)
     return figure("corner", drawing, f"Corner plot of the posterior of {text.listed(names)}")
 
 
