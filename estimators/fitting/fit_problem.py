@@ -156,6 +156,11 @@ class FitProblem(ABC):
     def kernel(self, network: SpringNetwork) -> "FitKernel":
         """Return the compiled cost about a network's equilibria, if it `compiles`."""
 
+    @property
+    def rough(self) -> "FitProblem":
+        """A problem of about the same minimum whose cost takes less time, or this one."""
+        return self
+
     def evaluate(self, values: Array) -> tuple[Array, Array]:
         """Return the whitened residuals (r,) and their Jacobian (r, p) at `values` (p,).
 

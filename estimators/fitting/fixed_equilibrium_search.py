@@ -97,6 +97,8 @@ def network_and_shift(
 WORTHWHILE = 80_000
 # A first search need not be better than the equilibria of its start.
 ROUGH = 1e-4
+# Share of the cost that a full step would take away, above which a start is far from a minimum.
+FAR = 0.1
 # Renewals of the equilibria. Two or three do; where springs are so soft that more are needed, the
 # search goes on with equilibria computed anew at every point.
 ROUNDS = 8
@@ -161,7 +163,8 @@ def frozen_search(
     the equilibria there: a model of V that is exact in cost and gradient at the point, not much
     less than V anywhere, and costs a few products of small matrices. Its minimum is the next
     point, until a minimum is the point itself: there cost and gradient of V are exact (the
-    first-order corrected models of Alexandrov and Lewis 2001). The first time, far away, s is zero.
+    first-order corrected models of Alexandrov and Lewis 2001). The first time s is zero, and far
+    away the cost that of `FitProblem.rough`.
     The search ends where the next point would gain nothing, judging by how much less the last one
     gained than the one before. Where points do not get better, or too many are needed, it goes on
     from the best with equilibria computed anew at every step.
@@ -176,18 +179,18 @@ def frozen_search(
     IdentificationError
         If the model has no FRF at the start.
     """
-    values, spent, cost, gain, curvature = start, 0, np.inf, np.inf, None
-    best, least = start, np.inf  # of V itself, about equilibria of its own
+    values, best, cost, gain, curvature = start, start, np.inf, np.inf, None
+    first, least, spent = _first_model(problem, start, network)
     shift: EquilibriumShift | None = None
     for nth in range(ROUNDS):
-        model = CorrectedModel(problem, network, shift if nth else None)
+        model = CorrectedModel(problem, network, shift) if nth else first
         allowed = max(tolerance, ROUGH) if nth == 0 else tolerance
         outcome = minimise(
             problem, model, values, max(max_evaluations - spent, 2), allowed, curvature
         )
         spent, curvature = spent + outcome.evaluations, outcome.curvature
         end = replace(outcome, evaluations=spent)
-        if model.cost < least:
+        if model.problem is problem and model.cost < least:
             best, least = values, model.cost
         if nth:
             before, gain = gain, model.cost - outcome.cost
@@ -203,6 +206,16 @@ def frozen_search(
         values, network, shift = _reachable(problem, values, outcome.values, network, shift)
     outcome = renewed_search(problem, best, max_evaluations - spent, tolerance, minimise)
     return replace(outcome, evaluations=spent + outcome.evaluations)
+
+
+def _first_model(
+    problem: FitProblem, start: Array, network: SpringNetwork
+) -> tuple["CorrectedModel", float, int]:
+    """Return the cost to begin with, V at the start (infinite: not looked at), evaluations."""
+    model, rough = CorrectedModel(problem, network, None), problem.rough
+    if rough is not problem and can_compile(rough, network) and model.far(start):
+        return CorrectedModel(rough, network, None), model.cost, 1
+    return model, np.inf, 0
 
 
 def _unfinished(problem: FitProblem, end: SearchResult, best: Array, least: float) -> SearchResult:
@@ -292,6 +305,11 @@ class CorrectedModel:
         if prior is not None:
             hessian = hessian + prior.information(self.problem.model.parameters.names)
         return squares(NormalEquations(cost, gradient, hessian))
+
+    def far(self, values: Array) -> bool:
+        """Tell whether a full step from `values` (p,) would lower the cost much."""
+        residuals, _ = self(values)
+        return bool(residuals[:-1] @ residuals[:-1] > FAR * self.cost)
 
     def gradient(self, values: Array) -> tuple[float, Array]:
         """Return the cost and its gradient by ln theta (p,) at `values` (p,)."""

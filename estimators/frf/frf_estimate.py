@@ -217,6 +217,18 @@ class FrfEstimate(ReprHtml):
             f"{noise}"
         )
 
+    def of_lines(self, step: int) -> "FrfEstimate":
+        """Return the estimate at every `step`-th line."""
+        lines = slice(None, None, step)
+        return replace(
+            self,
+            omega=self.omega[lines],
+            response=self.response[:, lines],
+            covariance=self.covariance[:, lines],
+            deviations=None if self.deviations is None else self.deviations[:, lines],
+            line_correlation=self.line_correlation[step - 1 :: step],
+        )
+
     def subset(self, indices: Sequence[int] | IntArray) -> "FrfEstimate":
         """Return the estimates in the positions `indices` only."""
         i = chosen_positions(indices, len(self.positions))

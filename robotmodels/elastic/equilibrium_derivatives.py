@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 # Relative step of the central differences. Mass, inertia, gain and delay enter linearly or
 # quadratically, where they are exact but for rounding; angles and locations are smooth.
 STEP = 1e-4
+# Positions in one call, above which memory grows but no time is saved.
+_AT_ONCE = 2000
 
 
 def differentiate(
@@ -24,9 +26,11 @@ def differentiate(
     theta: Array,
     coordinates: Array,
     shift: Array,
-    columns: Sequence[int],
+    direct: Sequence[int],
 ) -> Tangents:
     """Differentiate a skeleton along ln theta by central differences.
+
+    Of parameters that act through the coordinates alone, many are differentiated in one call.
 
     Parameters
     ----------
@@ -38,13 +42,12 @@ def differentiate(
         Point of differentiation.
     shift : ndarray, (Q, d, p)
         Derivative of the coordinates by ln theta.
-    columns : sequence of int
-        Parameters to differentiate by; the other derivatives are zero.
+    direct : sequence of int
+        Parameters that act on the skeleton itself too.
     """
-    derivatives = {
-        name: np.zeros((len(theta), *array.shape)) for name, array in _arrays(here).items()
-    }
-    for j in columns:
+    count, arrays = len(coordinates), _arrays(here)
+    derivatives = {name: np.zeros((len(theta), *array.shape)) for name, array in arrays.items()}
+    for j in direct:
         factor = np.ones(len(theta))
         factor[j] += STEP
         plus = _arrays(skeleton(theta * factor, coordinates + STEP * shift[..., j]))
@@ -52,7 +55,12 @@ def differentiate(
         minus = _arrays(skeleton(theta * factor, coordinates - STEP * shift[..., j]))
         for name, derivative in derivatives.items():
             derivative[j] = (plus[name] - minus[name]) / (2 * STEP)
-    count = len(coordinates)
+    moved = [j for j in range(len(theta)) if j not in direct and shift[..., j].any()]
+    at_once = max(1, _AT_ONCE // (2 * count))
+    for part in (moved[i : i + at_once] for i in range(0, len(moved), at_once)):
+        ways = np.moveaxis(shift[..., part], -1, 0)
+        for name, slopes in _along(lambda q: skeleton(theta, q), arrays, coordinates, ways).items():
+            derivatives[name][part] = slopes
     damping = derivatives["damping"]
     if damping.ndim == 3:  # alike in all positions
         damping = np.broadcast_to(damping[:, None], (len(damping), count, *damping.shape[1:]))
@@ -61,11 +69,28 @@ def differentiate(
         damping=np.swapaxes(damping, 0, 1),
         stiffness=np.swapaxes(derivatives["stiffness"], 0, 1),
         gravity=np.swapaxes(derivatives["gravity"], 0, 1),
-        rows=_unless_zero(np.moveaxis(derivatives["rows"], 0, 2)),
+        rows=_unless_zero(np.swapaxes(derivatives["rows"], 0, 2)),
         delay=_unless_zero(derivatives["delay"]),
         torque=_channels(derivatives, "torque"),
         sensor=_channels(derivatives, "sensor"),
     )
+
+
+def _along(
+    skeleton: "Callable[[Array], Skeleton]",
+    arrays: dict[str, Array],
+    coordinates: Array,
+    ways: Array,
+) -> dict[str, Array]:
+    """Return derivatives (c, ...) of what differs by position, along `ways` (c, Q, d)."""
+    ends = coordinates + STEP * np.stack([ways, -ways])
+    both = _arrays(skeleton(ends.reshape(-1, coordinates.shape[1])))
+    result = {}
+    for name in ("mass", "damping", "stiffness", "gravity", "rows"):
+        if both[name].shape != arrays[name].shape:  # otherwise alike in all positions
+            plus, minus = both[name].reshape(2, len(ways), *arrays[name].shape)
+            result[name] = (plus - minus) / (2 * STEP)
+    return result
 
 
 _PARTS = ("ln_gain", "delay", "lag")
@@ -93,6 +118,6 @@ def _arrays(skeleton: "Skeleton") -> dict[str, Array]:
         "damping": skeleton.damping,
         "stiffness": skeleton.stiffness,
         "gravity": skeleton.gravity,
-        "rows": np.stack([measured.position, measured.velocity, measured.acceleration]),
+        "rows": np.stack([measured.position, measured.velocity, measured.acceleration], axis=1),
         "delay": np.array(measured.delay),
     }

@@ -339,8 +339,7 @@ class ElasticRobot:
         force[:, fixed_coordinates] = K[:, fixed_coordinates, :] = K[:, :, fixed_coordinates] = 0.0
         K[:, fixed_coordinates, fixed_coordinates] = 1.0
         shift = np.asarray(-np.linalg.solve(K, force))
-        moved = [j for j in range(len(theta)) if j in extra or shift[..., j].any()]
-        tangents = differentiate(self._skeleton, matrices, theta, at.coordinates, shift, moved)
+        tangents = differentiate(self._skeleton, matrices, theta, at.coordinates, shift, extra)
         law = self.elements.laws(theta)
         if law.linear:
             return tangents

@@ -15,7 +15,7 @@ from estimators.fitting.fixed_equilibrium_search import (
 )
 from estimators.fitting.frf_problem import frf_problem
 from estimators.fitting.search import MINIMISERS, search
-from estimators.fitting.trust_region import exact_search
+from estimators.fitting.trust_region import exact_search, trust_region
 from robotmodels import InvalidInput, RelativeNoise, SolverFailed, load_robot
 from robotmodels.linear.normal_equations import NormalEquations
 
@@ -171,6 +171,36 @@ def test_large_problems_of_springs_are_compiled(robot, estimate):
     assert fast.converged
     slow = exact_search(problem, fast.parameters.values, 10, 1e-12)
     assert np.isclose(fast.cost, slow.cost, rtol=1e-9)
+
+
+def test_far_searches_begin_with_every_fourth_line(robot, estimate):
+    rng = np.random.default_rng(2)
+    omega = 2 * np.pi * np.geomspace(3.0, 60.0, 121)
+    dense = simulate_frf(robot, estimate.positions, omega, RelativeNoise(0.03, 0.01), rng)
+    priors = known(robot)
+    problem = frf_problem(robot, dense, "lls", "optimal", BOUNDS, None, priors)
+    rough = problem.rough
+    assert np.array_equal(rough.omega, omega[::4])
+    assert rough.rough is rough
+    start = far(robot, decades=0.3)
+    costs = [p.residuals(start)[0].ravel() for p in (problem, rough)]
+    assert np.vdot(costs[1], costs[1]) == pytest.approx(np.vdot(costs[0], costs[0]), rel=0.1)
+
+    lines = []
+
+    def spying(problem, objective, *arguments):
+        lines.append(len(objective.problem.omega))
+        return trust_region(problem, objective, *arguments)
+
+    found = search(problem, start, 200, 1e-12, spying)
+    assert lines[0] == 31
+    assert set(lines[1:]) == {121}
+    assert stands(problem, found)
+    exact = exact_search(problem, found.values, 10, 1e-12)
+    assert found.cost == pytest.approx(exact.cost, rel=1e-9)
+    lines.clear()
+    search(problem, found.values, 200, 1e-12, spying)  # a start nearby needs no rough search
+    assert set(lines) == {121}
 
 
 @pytest.mark.parametrize(
