@@ -16,7 +16,7 @@ from reports import text
 from reports.figures.palette import LIGHT, Drawing
 from reports.figures.svg import inline
 
-_SCRIPTS = ("report.js", "robots.js", "packed.js", "plotting.js", "responses.js", "map.js")
+_SCRIPTS = ("report.js", "packed.js", "robots.js", "plotting.js", "responses.js", "map.js")
 
 
 @runtime_checkable

@@ -28,7 +28,12 @@ _PARTS = (
     ("tool", "second", 6.0, 1.0),
 )
 
-_MARKS = ("marks", "second", 9.0, 0.8)
+_MARKS = ("marks", "second", 4.5, 0.85)
+_LETTERS = 6  # height of the marks' numbers [px]
+_OUTLINED = (
+    'font-weight="600" fill="var(--ink)" stroke="var(--paper)" stroke-width=".3em" '
+    'paint-order="stroke" stroke-linejoin="round"'
+)
 
 
 @dataclass(frozen=True)
@@ -67,11 +72,9 @@ def stick_figure(
     alt: str,
     marks: Array | None = None,
     modes: ModeMovements | None = None,
+    placements: Array | None = None,
 ) -> Markup:
     """Return the picture of one position: floor, shadow, links from base to tool.
-
-    With `marks` (r, 3), which are drawn as large dots, the page's script does not turn it. With
-    `modes` it can move.
 
     Parameters
     ----------
@@ -79,8 +82,14 @@ def stick_figure(
         Joint origins, from base to tool.
     alt : str
         Says what is to be seen.
+    marks : ndarray, (r, 3), m, optional
+        Points to number, drawn as large dots.
+    modes : ModeMovements, optional
+        What can move the picture.
+    placements : ndarray, (joints, 4, 4), optional
+        Of the joints, with which the page's script draws the links' surfaces.
     """
-    skeleton = _rounded(skeleton)
+    skeleton, marked = _rounded(skeleton), _rounded(np.zeros((0, 3)) if marks is None else marks)
     shadow, joints = skeleton * [1.0, 1.0, 0.0], skeleton[1:-1]
     lines = {
         "floor": "".join(_line(part) for part in _floor(scene.radius)),
@@ -89,7 +98,7 @@ def stick_figure(
         "joints": _dots(joints),
         "pins": _dots(joints),
         "tool": _dots(skeleton[-1:]),
-        "marks": "" if marks is None else _dots(_rounded(marks)),
+        "marks": _dots(marked),
     }
     box = " ".join(f"{v:.3f}" for v in (scene.x_min, scene.y_min, scene.width, scene.height))
     scale = scene.width / _WIDTH
@@ -99,22 +108,38 @@ def stick_figure(
         + (f' opacity="{opacity}"/>' if opacity < 1 else "/>")
         for name, colour, width, opacity in (_PARTS if marks is None else (*_PARTS[:-1], _MARKS))
     )
-    if marks is not None:
-        return Markup(f'<svg viewBox="{box}" role="img" aria-label="{escape(alt)}">{paths}</svg>')
-    data = json.dumps(skeleton.tolist(), separators=(",", ":"))
-    moving = "" if modes is None else f'data-modes="{_mode_data(modes)}" '
+    numbers = "".join(
+        f'<text x="{x:.3f}" y="{y:.3f}" dx=".5em" font-size="{scale * _LETTERS:.4f}" {_OUTLINED}>'
+        f"{label}</text>"
+        for label, (x, y) in zip(_labels(marked), seen(marked), strict=True)
+    )
+    data = {"robot": skeleton.tolist(), "marks": marked.tolist()}
+    if modes is not None:
+        data["modes"] = _mode_data(modes)
+    if placements is not None:
+        data["joints"] = _rounded(placements[:, :3]).tolist()
+    words = " ".join(
+        f'data-{name}="{json.dumps(value, separators=(",", ":"))}"' for name, value in data.items()
+    )
     return Markup(
-        f'<svg viewBox="{box}" role="img" aria-label="{escape(alt)}" data-robot="{data}" {moving}'
-        f'data-radius="{scene.radius}" data-view="[{AZIMUTH},{ELEVATION}]">{paths}</svg>'
+        f'<svg viewBox="{box}" role="img" aria-label="{escape(alt)}" {words} '
+        f'data-radius="{scene.radius}" data-view="[{AZIMUTH},{ELEVATION}]">{paths}{numbers}</svg>'
     )
 
 
-def _mode_data(modes: ModeMovements) -> str:
-    """Return frequency [Hz] and movements of each mode."""
-    hertz = (modes.frequencies / (2 * np.pi)).tolist()
-    movements = _rounded(modes.movements).tolist()
-    pairs = [[round(f, 2), moved] for f, moved in zip(hertz, movements, strict=True)]
-    return json.dumps(pairs, separators=(",", ":"))
+def _mode_data(modes: ModeMovements) -> list[list[object]]:
+    """Return frequency [Hz], movements of the skeleton and twists of the joints of each mode."""
+    hertz = (modes.frequencies / (2 * np.pi)).round(2).tolist()
+    moved = _rounded(modes.movements).tolist(), _rounded(modes.twists).tolist()
+    return [list(one) for one in zip(hertz, *moved, strict=True)]
+
+
+def _labels(marks: Array) -> list[str]:
+    """Return the numbers of marks (r, 3), those at one point together at the first of them."""
+    alike = [np.flatnonzero((marks == one).all(axis=1)) for one in marks]
+    return [
+        ", ".join(str(k + 1) for k in same) if same[0] == i else "" for i, same in enumerate(alike)
+    ]
 
 
 def _floor(radius: float) -> list[Array]:

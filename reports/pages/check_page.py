@@ -7,7 +7,7 @@ import numpy as np
 from markupsafe import Markup
 
 from reports import text
-from reports.figures import robot_pictures
+from reports.figures.robot_bodies import robot_drawings
 from reports.page_elements import (
     Column,
     Number,
@@ -27,7 +27,6 @@ from robotmodels.checks.diagnosis import Diagnosis
 from robotmodels.checks.warnings import Suspicion
 from robotmodels.common.arrays import Array
 from robotmodels.common.atomic_files import write_text
-from robotmodels.elastic.rigid_pose import joint_origins
 
 _DEGREE = np.pi / 180
 _ROUNDING = 1e-6  # torques and deflections below this are rounding
@@ -49,14 +48,14 @@ def write_check_page(
     }
     if warnings:
         tables = {"Warnings": warning_table(warnings)} | tables
-    picture = _picture(robot, position)
+    drawn = robot_drawings(robot, position[None], [f"The robot {robot.name}"])
     content = page(
         title=diagnosis.robot,
         kind="robot check",
         kicker="An elastic robot as its file describes it",
         lead="Motors, springs, equilibrium under gravity and modes in one position.",
         sections=[
-            Section(title.lower(), title, filled("check.html.j2", shown=shown, picture=picture))
+            Section(title.lower(), title, filled("check.html.j2", shown=shown, drawn=drawn))
             for title, shown in tables.items()
         ],
         banner=_banner(diagnosis, warnings),
@@ -73,12 +72,6 @@ def _banner(diagnosis: Diagnosis, warnings: Sequence[Suspicion]) -> Markup:
     step = "correct or confirm the numbers of the robot file that the warnings name"
     verdict = text.plural(len(warnings), "warning")
     return page_banner(verdict, "doubtful", size, next_step=step)
-
-
-def _picture(robot: ElasticRobot, position: Array) -> Markup:
-    skeleton = joint_origins(robot, position)
-    scene = robot_pictures.scene_of([skeleton])
-    return robot_pictures.stick_figure(skeleton, scene, f"Stick figure of {robot.name}")
 
 
 def warning_table(warnings: Sequence[Suspicion]) -> Table:

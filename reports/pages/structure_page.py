@@ -8,7 +8,7 @@ from estimators.structure.score_table import Score
 from oed.study.parts import Structure
 from oed.study.results import FittedStudy
 from reports import text
-from reports.figures import robot_pictures
+from reports.figures.robot_bodies import RobotDrawings, robot_drawings
 from reports.page_elements import (
     Cell,
     Column,
@@ -22,7 +22,7 @@ from reports.page_elements import (
     table,
 )
 from robotmodels.common.atomic_files import write_text
-from robotmodels.elastic.rigid_pose import joint_origins, spring_origins
+from robotmodels.elastic.rigid_pose import spring_origins
 
 MARKED = 4
 """Springs with the strongest evidence, which the picture marks."""
@@ -143,22 +143,18 @@ def score_table(structure: Structure) -> Table:
     return table("tests", caption, columns, rows)
 
 
-def suspects(results: FittedStudy, structure: Structure) -> tuple[Markup | None, str]:
+def suspects(results: FittedStudy, structure: Structure) -> tuple[RobotDrawings | None, str]:
     """Return the robot with the strongest suspects marked, and what the marks are."""
     firing = [score for score in structure.scores.significant() if score.spring is not None]
     springs = [score.spring for score in firing[:MARKED] if score.spring is not None]
     if not springs:
         return None, ""
     position = results.plan.positions[0]
-    skeleton = joint_origins(results.robot, position)
-    caption = f"Marked: {text.listed([_words(score) for score in firing[:MARKED]])}."
-    drawing = robot_pictures.stick_figure(
-        skeleton,
-        robot_pictures.scene_of([skeleton]),
-        f"Stick figure of the robot. {caption}",
-        spring_origins(results.robot, springs, position),
-    )
-    return drawing, caption
+    named = [f"{k} {_words(score)}" for k, score in enumerate(firing[:MARKED], start=1)]
+    caption = f"Marked: {text.listed(named)}."
+    marks = spring_origins(results.robot, springs, position)
+    alt = f"The robot. {caption}"
+    return robot_drawings(results.robot, position[None], [alt], marks=[marks]), caption
 
 
 def _words(score: Score) -> str:

@@ -17,6 +17,7 @@ from reports.sections import (
     failures,
     fit,
     identifiability,
+    model_errors,
     parameters,
     positions,
     provenance,
@@ -72,15 +73,16 @@ def _responses(results: StudyResults) -> Section:
 def _residuals(results: StudyResults) -> Section:
     analysis, robot_ = results.fits.residuals, results.robot
     held_out = None if results.validation is None else results.validation.theorem1
+    more = results.fits.result, held_out, model_errors.picture(results)
     if results.study.fits_runs:
         runs = tuple(f"run {e + 1}" for e in range(analysis.by_element.shape[1]))
         by_run = residuals.element_table(analysis.by_element.T, "", runs, robot_.output_names)
-        return residuals.section(analysis, results.trust, by_run, results.fits.result, held_out)
+        return residuals.section(analysis, results.trust, by_run, *more)
     columns = tuple(f"from {motor}" for motor in robot_.motor_names)
     by_element = residuals.element_table(
         analysis.by_element, "output", robot_.output_names, columns
     )
-    return residuals.section(analysis, results.trust, by_element, results.fits.result, held_out)
+    return residuals.section(analysis, results.trust, by_element, *more)
 
 
 def _cross_check(results: StudyResults) -> Section | None:

@@ -7,7 +7,7 @@ from markupsafe import Markup
 from oed.study.parts import DesignedPlan, MeasuredPlan
 from oed.study.results import FittedStudy, PlannedStudy
 from reports import text
-from reports.figures import robot_pictures
+from reports.figures.robot_bodies import RobotDrawings, robot_drawings
 from reports.page_elements import Cell, Number, Section, Table, filled, numbers, table
 from reports.sections.plan_labels import (
     experiment_noun,
@@ -17,7 +17,6 @@ from reports.sections.plan_labels import (
     prismatic,
 )
 from robotmodels.elastic.mode_pictures import mode_movements
-from robotmodels.elastic.rigid_pose import joint_origins
 
 
 @dataclass(frozen=True)
@@ -33,29 +32,39 @@ class Pose:
 
 def section(results: PlannedStudy) -> Section:
     """Return the section."""
+    drawn = drawings(results)
     body = filled(
         "positions.html.j2",
         results=results,
-        poses=poses(results),
+        poses=poses(results, drawn.drawings),
+        bodies=drawn.bodies,
         positions=position_table(results),
     )
     return Section("positions", "Positions", body)
 
 
-def poses(results: PlannedStudy) -> list[Pose]:
-    """Return a picture of the robot in each position."""
-    plan = results.plan
-    skeletons = [joint_origins(results.robot, position) for position in plan.positions]
-    scene = robot_pictures.scene_of(skeletons)
+def drawings(results: PlannedStudy) -> RobotDrawings:
+    """Return pictures of the robot in each position, which its modes can move."""
+    robot, positions = results.robot, results.plan.positions
     values = results.fits.result.parameters.values if isinstance(results, FittedStudy) else None
-    straight, pictures = prismatic(results), []
-    for number, (i, skeleton) in enumerate(zip(plan.used, skeletons, strict=True), start=1):
-        angles = ", ".join(text.format_position(plan.information.positions[i], straight))
-        alt = f"Stick figure of the robot in position {number}: {angles}"
-        modes = mode_movements(results.robot, plan.information.positions[i], values)
-        drawing = robot_pictures.stick_figure(skeleton, scene, alt, modes=modes)
-        pictures.append(Pose(number, experiments(results, int(i)), drawing))
-    return _with_residuals(results, pictures)
+    straight = prismatic(results)
+    alts = [
+        f"The robot in position {number}: {', '.join(text.format_position(position, straight))}"
+        for number, position in enumerate(positions, start=1)
+    ]
+    modes = [mode_movements(robot, position, values) for position in positions]
+    return robot_drawings(robot, positions, alts, modes=modes)
+
+
+def poses(results: PlannedStudy, pictures: list[Markup]) -> list[Pose]:
+    """Return the pictures of all positions with their numbers of experiments."""
+    shown = [
+        Pose(number, experiments(results, int(i)), drawing)
+        for number, (i, drawing) in enumerate(
+            zip(results.plan.used, pictures, strict=True), start=1
+        )
+    ]
+    return _with_residuals(results, shown)
 
 
 def _with_residuals(results: PlannedStudy, pictures: list[Pose]) -> list[Pose]:

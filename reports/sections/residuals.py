@@ -34,8 +34,12 @@ def section(
     elements: Table,
     fit: FittedModel | None = None,
     held_out: Validation | None = None,
+    marked: Figure | None = None,
 ) -> Section:
-    """Return the section, which ends with a table of `elements`; with a `fit` its residuals too."""
+    """Return the section, which ends with a table of `elements`; with a `fit` its residuals too.
+
+    `marked` is a picture of where the model fails.
+    """
     body = filled(
         "residuals.html.j2",
         analysis=analysis,
@@ -43,6 +47,7 @@ def section(
         tested=len(trust.tests.names),
         fired=len(trust.tests.significant(LEVEL)),
         directions=direction_table(trust),
+        marked=marked,
         ratio=text.significant(analysis.ratio, 4),
         correlation=text.fixed(float(analysis.autocorrelation[0]), 3),
         whiteness=text.probability(analysis.whiteness_p_value),

@@ -193,6 +193,18 @@
     copy.setAttribute("width", `${width / point}pt`);
     copy.setAttribute("height", `${height / point}pt`);
     copy.removeAttribute("style");
+    const canvas = svg.parentElement.querySelector(":scope > canvas"); // surfaces below the lines
+    if (canvas) {
+      copy.querySelectorAll(":not(.tool, .marks, text)").forEach((path) => path.remove());
+      const [x, y] = copy.getAttribute("viewBox").split(" ").map(Number);
+      const shape = canvas.width / canvas.height;
+      const [across, down] = [Math.max(width, height * shape), Math.max(height, width / shape)];
+      const corner = { x: x - (across - width) / 2, y: y - (down - height) / 2 };
+      const place = { ...corner, width: across, height: down, href: canvas.toDataURL() };
+      const image = document.createElementNS("http://www.w3.org/2000/svg", "image");
+      for (const [name, value] of Object.entries(place)) image.setAttribute(name, value);
+      copy.prepend(image);
+    }
     copy.setAttribute("font-family", "Arial, Helvetica, sans-serif");
     let text = new XMLSerializer().serializeToString(copy);
     for (const [name, colour] of Object.entries(LIGHT)) text = text.replaceAll(`var(--${name})`, colour);

@@ -56,15 +56,42 @@ def spring_origins(robot: ElasticRobot, springs: Sequence[Spring], position: Arr
     InvalidInput
         If the position has a wrong shape or is outside the joint limits.
     """
-    rigid, data = robot.rigid, _posed(robot, position)
-    return np.array(
-        [
-            data.oMi[rigid.getJointId(spring.joint)].translation
-            if spring.joint is not None
-            else data.oMf[rigid.getFrameId(spring.link, pin.BODY)].act(np.array(spring.at))
-            for spring in springs
-        ]
-    ).reshape(-1, 3)
+    data = _posed(robot, position)
+    points = [_origin_of(robot, data, one.joint, one.link, one.at) for one in springs]
+    return np.array(points).reshape(-1, 3)
+
+
+def part_origins(robot: ElasticRobot, position: Array) -> dict[str, Array]:
+    """Return where the parts of a robot file are, (3,) [m], at `position` (n,), springs unloaded.
+
+    Springs by their names, motors by theirs at their joints, and ``payload`` at its centre of mass.
+
+    Raises
+    ------
+    InvalidInput
+        If the position has a wrong shape or is outside the joint limits.
+    """
+    file, data = robot.file, _posed(robot, position)
+    points = {one.name: _origin_of(robot, data, one.joint, None, None) for one in file.motors}
+    for spring in file.springs:
+        points[spring.name] = _origin_of(robot, data, spring.joint, spring.link, spring.at)
+    if file.payload is not None:
+        points["payload"] = _origin_of(robot, data, None, file.payload.link, file.payload.com)
+    return points
+
+
+def _origin_of(
+    robot: ElasticRobot,
+    data: pin.Data,
+    joint: str | None,
+    link: str | None,
+    at: Sequence[float] | None,
+) -> Array:
+    """Return the origin of a joint, or a point of a link, (3,) [m]."""
+    if joint is not None:
+        return np.array(data.oMi[robot.rigid.getJointId(joint)].translation)
+    body = robot.rigid.getFrameId(link, pin.BODY)
+    return np.asarray(data.oMf[body].act(np.array(at)))
 
 
 def _posed(robot: ElasticRobot, position: Array) -> pin.Data:

@@ -5,6 +5,7 @@ import io
 import json
 import re
 import xml.etree.ElementTree as ET
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -222,7 +223,7 @@ def test_every_figure_comes_down_as_svg_in_light_colours(desktop):
         assert root.tag == "{http://www.w3.org/2000/svg}svg"
         assert root.get("width").endswith("pt")
         assert "var(--" not in text
-        assert "#1d5c92" in text or "#1c2126" in text
+        assert any(colour in text for colour in ("#1d5c92", "#1c2126", "#b3541e"))
 
 
 def test_light_dark_and_as_the_system_has_it(desktop):
@@ -314,6 +315,32 @@ def test_a_mode_moves_the_pictures_and_lets_go(desktop):
         pytest.approx(numbers(one), abs=0.002) for one in at_rest
     ]
     desktop.emulate_media(reduced_motion="no-preference")
+
+
+def test_links_are_drawn_turn_and_move_with_modes(desktop):
+    canvas = desktop.locator("#pose-1 canvas")
+    painted = "canvas => canvas.toDataURL()"
+    opaque = """canvas => canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height)
+        .data.filter((value, k) => k % 4 === 3 && value === 255).length"""
+    rest, size = canvas.evaluate(painted), canvas.evaluate("e => e.width * e.height")
+    assert 0.003 * size < canvas.evaluate(opaque) < 0.5 * size
+    desktop.emulate_media(reduced_motion="reduce")
+    choice = desktop.get_by_label("mode", exact=True)
+    choice.select_option("1")
+    assert canvas.evaluate(painted) != rest
+    choice.select_option("none")
+    first = desktop.locator("svg[data-robot]").first
+    first.press("ArrowLeft")
+    assert canvas.evaluate(painted) != rest
+    first.press("Home")
+    assert canvas.evaluate(painted) == rest
+    desktop.emulate_media(reduced_motion="no-preference")
+    with desktop.expect_download() as download:
+        desktop.locator("#pose-1 [data-save]").click()
+    saved = Path(download.value.path()).read_text()
+    assert "data:image/png;base64," in saved
+    assert 'class="tool"' in saved
+    assert 'class="links"' not in saved
 
 
 def test_the_design_map_tells_of_candidates(desktop):

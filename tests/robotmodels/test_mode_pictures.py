@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import robotmodels
+from robotmodels import tool_frame
+from robotmodels.elastic.elastic_pose import frame_points, joint_placements
 from robotmodels.elastic.mode_pictures import mode_movements
 from robotmodels.elastic.rigid_pose import joint_origins
 
@@ -39,3 +41,15 @@ def test_stiffer_springs_raise_the_frequencies(robot):
     stiffer = np.where(["stiffness" in name for name in robot.parameters.names], 4.0, 1.0) * values
     slow, fast = (mode_movements(robot, POSITION, v).frequencies for v in (values, stiffer))
     assert (fast > 1.5 * slow).all()
+
+
+def test_twists_of_joints_move_their_origins_and_all_beyond_them_alike(robot):
+    """The tool is on the last joint, which moves it by its own movement and rotation x arm."""
+    modes = mode_movements(robot, POSITION)
+    placements = joint_placements(robot, robot.equilibrium(POSITION[None]).coordinates)
+    (tool,) = frame_points(robot, tool_frame(robot), placements)
+    shifts, turns = modes.twists[:, -1, :3], modes.twists[:, -1, 3:]
+    assert shifts == pytest.approx(modes.movements[:, -2], abs=1e-9)
+    moved = shifts + np.cross(turns, tool - placements[0, -1, :3, 3])
+    assert moved == pytest.approx(modes.movements[:, -1], abs=1e-7)
+    assert np.abs(turns).max() > 0.1
