@@ -1,25 +1,33 @@
-"""600 fits of [WM] section 6: six estimators from 100 starts each, on two processes.
+"""600 fits from far starts and 1 050 fits from the truth, beside another checkout in the same run.
 
-    python benchmarks/multistart.py [--starts 100] [--processes 2]
+    python benchmarks/multistart.py [--starts 100] [--processes 2] [--peer CHECKOUT] [--repeats 3]
 
-writes `benchmarks/results/multistart.json`. manutec_r3_26: 15 positions x 100 frequencies x 36
-elements x 26 parameters, starts at 10^U(-1, 1) of the truth; the data are the model's own FRFs with
-3 % + 1 % noise. The goal is one minute. What one evaluation takes, and takes by other means, is in
-`fits.py`.
+writes `benchmarks/results/multistart.json`: the least of the repeats, which take turns.
+
+- multistart, [WM] section 6: six estimators from 100 starts each at 10^U(-1, 1) of the truth.
+  manutec_r3_26: 15 positions x 100 frequencies x 36 elements x 26 parameters; the data are the
+  model's own FRFs with 3 % + 1 % noise.
+- comparison: seven plans of 15 experiments with the UR10, 60 frequencies, 150 simulated each.
+
+What one evaluation takes, and takes by other means, is in `fits.py`.
 """
 
 import argparse
 import json
 import os
 import resource
+import subprocess
+import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from linearisation import HERE, machine
 
 import estimators
+import oed
 import robotmodels
 
 RESULTS = HERE / "results" / "multistart.json"
@@ -32,6 +40,7 @@ ESTIMATORS = (
     ("NLS15O", "nls", "optimal"),
 )
 POSITIONS, FREQUENCIES = 15, 100
+PLANS, RUNS = 7, 150
 
 
 def case() -> tuple[robotmodels.ElasticRobot, estimators.FrfEstimate]:
@@ -43,6 +52,12 @@ def case() -> tuple[robotmodels.ElasticRobot, estimators.FrfEstimate]:
     omega = 2 * np.pi * np.geomspace(3.0, 80.0, FREQUENCIES)
     noise = robotmodels.RelativeNoise(0.03, 0.01)
     return robot, estimators.simulate_frf(robot, positions, omega, noise, rng)
+
+
+def children() -> float:
+    """Return the processor time of child processes that have ended [s]."""
+    spent = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return spent.ru_utime + spent.ru_stime
 
 
 def ready(_: int) -> tuple[int, float]:
@@ -59,7 +74,7 @@ def all_fits(starts: int, processes: int) -> dict[str, Any]:
     truth = robot.parameters
     points = estimators.perturbed_starts(truth, starts, 1.0, np.random.default_rng(1))
     found: dict[str, Any] = {}
-    total = 0.0
+    total, earlier = 0.0, children()
     with ProcessPoolExecutor(processes) as executor:
         before = dict(executor.map(ready, range(processes)))
         for name, residual, weights in ESTIMATORS:
@@ -80,10 +95,7 @@ def all_fits(starts: int, processes: int) -> dict[str, Any]:
                     np.abs(np.log(fits[0].parameters.values / truth.values)).max()
                 ),
             }
-            print(name, json.dumps(found[name]), flush=True)
-    # Of processes that have ended. Where others use the machine this is what compares.
-    spent = resource.getrusage(resource.RUSAGE_CHILDREN)
-    cpu = spent.ru_utime + spent.ru_stime - sum(before.values())
+    cpu = children() - earlier - sum(before.values())
     return {
         "fits": starts * len(ESTIMATORS),
         "processes": processes,
@@ -94,18 +106,68 @@ def all_fits(starts: int, processes: int) -> dict[str, Any]:
     }
 
 
+def comparison(processes: int) -> dict[str, float]:
+    """Return what `oed.compare_plans` takes, by the clock and in processor time."""
+    robot, rng = robotmodels.load_robot("ur10"), np.random.default_rng(0)
+    low, high = robot.position_limits.T
+    positions = low + (high - low) * rng.uniform(0.2, 0.8, (200, len(low)))
+    omega = 2 * np.pi * np.linspace(3.0, 60.0, 60)
+    noise = robotmodels.RelativeNoise(0.03, 0.01)
+    info = oed.information(robot, positions, omega, noise)
+    counts = [np.zeros(len(positions), dtype=int) for _ in range(PLANS)]
+    for count in counts:
+        np.add.at(count, rng.integers(len(positions), size=POSITIONS), 1)
+    plans = {f"plan {k}": count for k, count in enumerate(counts)}
+    with ProcessPoolExecutor(processes) as executor:
+        before = dict(executor.map(ready, range(processes)))
+        begun = time.perf_counter()
+        oed.compare_plans(
+            robot, info, positions, plans, omega, noise, rng=rng, runs=RUNS, executor=executor
+        )
+        seconds = time.perf_counter() - begun
+    cpu = children() - sum(before.values())
+    return {"fits": PLANS * RUNS, "seconds": round(seconds, 2), "cpu_seconds": round(cpu, 2)}
+
+
+def measured(starts: int, processes: int) -> dict[str, Any]:
+    """Return both cases in this process and its pools, with the package that it imports."""
+    compared = comparison(processes)
+    return {"multistart": all_fits(starts, processes), "comparison": compared}
+
+
+def of_checkout(checkout: Path, starts: int, processes: int) -> dict[str, Any]:
+    """Return both cases by the package of a checkout, in a process of its own."""
+    command = [sys.executable, __file__, "--starts", str(starts), "--processes", str(processes)]
+    environment = os.environ | {"PYTHONPATH": str(checkout)}
+    output = subprocess.run(
+        [*command, "--child"], check=True, env=environment, capture_output=True, text=True
+    ).stdout
+    return dict(json.loads(output.splitlines()[-1]))
+
+
 def main() -> None:
     """Time everything, print and write the figures."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--starts", type=int, default=100)
     parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--repeats", type=int, default=1)
+    parser.add_argument("--peer", type=Path, help="another checkout, such as the state before")
+    parser.add_argument("--child", action="store_true", help=argparse.SUPPRESS)
     asked = parser.parse_args()
-    whole = all_fits(asked.starts, asked.processes)
-    results = {"machine": machine(), "multistart": whole}
-    print(
-        f"{whole['fits']} fits in {whole['seconds']} s on {whole['processes']} processes, "
-        f"{whole['cpu_seconds_per_fit']} CPU s each"
-    )
+    if asked.child:
+        print(json.dumps(measured(asked.starts, asked.processes)))
+        return
+    checkouts = {"here": HERE.parent} | ({"peer": asked.peer.resolve()} if asked.peer else {})
+    results: dict[str, Any] = {"machine": machine()}
+    for _ in range(asked.repeats):
+        for key, checkout in checkouts.items():
+            found = of_checkout(checkout, asked.starts, asked.processes)
+            before = results.setdefault(key, found)
+            for case in ("multistart", "comparison"):
+                if found[case]["seconds"] < before[case]["seconds"]:
+                    before[case] = found[case]
+            figures = {k: v for k, v in found["multistart"].items() if k != "estimators"}
+            print(key, json.dumps([figures, found["comparison"]]), flush=True)
     RESULTS.parent.mkdir(exist_ok=True)
     RESULTS.write_text(json.dumps(results, indent=1) + "\n")
 

@@ -93,6 +93,11 @@ class Objective:
         """Return the logarithm of a value that is proportional to the information."""
         return float((self.group_values(information) - self.log_references).min())
 
+    def log_values_of_roots(self, inverse_roots: Array) -> Array:
+        """Return the log values (...) for one sample's M^-1 = T'T, T (..., p, p)."""
+        logs = log_values([term.mean for term in self.terms], inverse_roots)
+        return np.asarray((self.shared(logs) - self.log_references).min(axis=-1))
+
     def efficiency(self, information: Array, reference: Array) -> float:
         """Return the ratio of the values: the share of experiments `reference` would need."""
         value, best = self.log_value(information), self.log_value(reference)

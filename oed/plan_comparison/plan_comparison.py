@@ -231,6 +231,5 @@ def _errors(objective: Objective, simulation: MonteCarlo, rng: np.random.Generat
         rng.chisquare(n - 1 - np.arange(p), (DRAWS, p))
     )
     roots = np.linalg.cholesky(covariance) @ triangles / np.sqrt(n - 1)
-    informations = np.linalg.inv(roots @ np.swapaxes(roots, -1, -2))
-    values = np.array([objective.log_value(one) for one in informations])
+    values = objective.log_values_of_roots(np.swapaxes(roots, -1, -2))
     return np.asarray(values - _log_value(objective, covariance))
