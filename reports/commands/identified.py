@@ -1,14 +1,14 @@
 """What commands about identified robots are told: whose fit, in which positions."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from reports.commands.export import is_study
-from reports.commands.options import robot_names
+from reports.commands.options import robot_names, say
 from reports.commands.studies import compute_study
 from reports.commands.workers import one_thread_each
 
@@ -41,6 +41,31 @@ Map = Annotated[
     int,
     typer.Option("--map", min=0, max=100_000, help="So many positions all over the joint ranges."),
 ]
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What a command computed of an identified robot.
+
+    Attributes
+    ----------
+    name : str
+        Of its files.
+    tables : dict of str to str
+        Contents of CSV files, by name.
+    document : dict of str to Any
+        Numbers for scripts.
+    write_page : callable
+        Writes the page to a path.
+    summary : callable
+        Returns the words for the terminal, of the files.
+    """
+
+    name: str
+    tables: dict[str, str]
+    document: dict[str, Any]
+    write_page: Callable[[Path], None]
+    summary: Callable[[list[Path]], str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +128,25 @@ class Identified:
             return summary
         words = plain(f"{headline(self.trust)}; {self.trust.verdict.reason}")
         return "\n".join([*hung("", words, 2), summary])
+
+    def answer(self, answer: Answer, output: Path | None, as_json: bool) -> None:
+        """Write an answer's files into `output` or the folder, and print its summary."""
+        from robotmodels.common.atomic_files import staged_folder
+        from robotmodels.common.plain_data import json_text
+
+        folder, document = (output or self.folder).resolve(), answer.document | self.verdict
+        contents = answer.tables | {f"{answer.name}.json": json_text(document)}
+        page = f"{answer.name}.html"
+        with staged_folder(folder) as staged:
+            for name, content in contents.items():
+                (staged / name).write_text(content, encoding="utf-8")
+            answer.write_page(staged / page)
+        files = [folder / name for name in (*contents, page)]
+        say(
+            lambda: self.with_caution(answer.summary(files)),
+            lambda: document | {"files": list(map(str, files))},
+            as_json,
+        )
 
 
 def read_source(

@@ -6,8 +6,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from reports.commands.export import stated_schema
-from reports.commands.identified import Identified, Map, Output, Position, Seed, Source, read_source
-from reports.commands.options import WORKERS, AsJson, Workers, say
+from reports.commands.identified import (
+    Answer,
+    Identified,
+    Map,
+    Output,
+    Position,
+    Seed,
+    Source,
+    read_source,
+)
+from reports.commands.options import WORKERS, AsJson, Workers
 from robotmodels.common.errors import InvalidInput
 
 if TYPE_CHECKING:
@@ -51,20 +60,19 @@ def margins(
     """
     described = None if controller is None else _read_controller(controller)
     model = read_source(source, position, spread, workers)
-    from reports.summaries.margins_summary import margins_document, margins_summary
+    from reports.pages.margins_page import write_margins_page
+    from reports.summaries.margins_summary import margins_csv, margins_document, margins_summary
 
     loop = _feedback(described, model.robot, sample_time, controller)
-    computed = _computed(model, loop, draws, seed)
-    files = _written(computed, model, (output or model.folder).resolve())
-    say(
-        lambda: model.with_caution(margins_summary(computed, model.spread, files)),
-        lambda: (
-            margins_document(computed, model.spread)
-            | model.verdict
-            | {"files": list(map(str, files))}
-        ),
-        as_json,
+    computed, rests_on = _computed(model, loop, draws, seed), model.spread
+    answer = Answer(
+        "margins",
+        {"margins.csv": margins_csv(computed)},
+        margins_document(computed, rests_on),
+        lambda path: write_margins_page(computed, model.robot.name, rests_on, path, model.trust),
+        lambda files: margins_summary(computed, rests_on, files),
     )
+    model.answer(answer, output, as_json)
 
 
 def _computed(
@@ -79,22 +87,6 @@ def _computed(
     with progress_bars() as bars:
         progress = None if bars is None else partial(bars, "draws")
         return controller_margins(model.source, loop, model.positions, drawn, progress)
-
-
-def _written(computed: "ControllerMargins", model: Identified, target: Path) -> list[Path]:
-    """Write table, numbers and page into a folder, and return the files."""
-    from reports.pages.margins_page import write_margins_page
-    from reports.summaries.margins_summary import margins_csv, margins_document
-    from robotmodels.common.atomic_files import staged_folder
-    from robotmodels.common.plain_data import json_text
-
-    with staged_folder(target) as staged:
-        (staged / "margins.csv").write_text(margins_csv(computed), encoding="utf-8")
-        document = json_text(margins_document(computed, model.spread) | model.verdict)
-        (staged / "margins.json").write_text(document, encoding="utf-8")
-        page = staged / "margins.html"
-        write_margins_page(computed, model.robot.name, model.spread, page, model.trust)
-    return [target / f"margins.{ending}" for ending in ("csv", "json", "html")]
 
 
 def _read_controller(path: Path) -> "LinearFeedback | Experiment":

@@ -1,17 +1,15 @@
 """``oed predict``: how stiff the tool is, and how far to trust that."""
 
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from reports.commands.identified import Identified, Map, Output, Position, Seed, Source, read_source
-from reports.commands.options import WORKERS, AsJson, Workers, say
+from reports.commands.identified import Answer, Map, Output, Position, Seed, Source, read_source
+from reports.commands.options import WORKERS, AsJson, Workers
 from robotmodels.common.errors import InvalidInput, nearest
 
 if TYPE_CHECKING:
-    from estimators.validation.predict_tool import ToolPrediction
     from robotmodels import Frame
     from robotmodels.common.arrays import Array
 
@@ -71,51 +69,26 @@ def predict(
     omega = None if frequencies is None else read_frequencies(frequencies)
     model = read_source(source, position, spread, workers)
     from estimators.validation.predict_tool import predict_tool
-    from reports.summaries.prediction_summary import tool_document, tool_summary
+    from reports.pages.prediction_page import write_prediction_page
+    from reports.summaries import prediction_summary as summaries
     from robotmodels.elastic.tool_response import tool_frame
 
     frame = frame if link else replace(frame, link=tool_frame(model.robot).link)
     count = draws or (0 if model.posterior is None else _OF_POSTERIOR)
     drawn = model.draws(max(count, 2), seed) if count else None
     prediction = predict_tool(model.source, model.positions, frame, omega, spread=drawn, **words)
-    files = _written(prediction, model, (output or model.folder).resolve())
-    say(
-        lambda: model.with_caution(tool_summary(prediction, model.spread, files)),
-        lambda: (
-            tool_document(prediction, model.spread)
-            | model.verdict
-            | {"files": list(map(str, files))}
-        ),
-        as_json,
-    )
-
-
-def _written(prediction: "ToolPrediction", model: Identified, target: Path) -> list[Path]:
-    """Write tables, numbers and the page into a folder, and return the files."""
-    from reports.pages.prediction_page import write_prediction_page
-    from reports.summaries import prediction_summary as summary
-    from robotmodels.common.atomic_files import staged_folder
-    from robotmodels.common.plain_data import json_text
-
-    contents = {
-        "prediction.csv": summary.tool_csv(prediction, model.robot.motor_names),
-        "prediction.json": json_text(
-            summary.tool_document(prediction, model.spread) | model.verdict
-        ),
-    }
+    robot, rests_on = model.robot, model.spread
+    tables = {"prediction.csv": summaries.tool_csv(prediction, robot.motor_names)}
     if prediction.response is not None:
-        contents["response.csv"] = summary.response_csv(prediction)
-    with staged_folder(target) as staged:
-        for name, content in contents.items():
-            (staged / name).write_text(content, encoding="utf-8")
-        write_prediction_page(
-            prediction,
-            model.robot.name,
-            model.spread,
-            staged / "prediction.html",
-            model.trust,
-        )
-    return [target / name for name in (*contents, "prediction.html")]
+        tables["response.csv"] = summaries.response_csv(prediction)
+    answer = Answer(
+        "prediction",
+        tables,
+        summaries.tool_document(prediction, rests_on),
+        lambda path: write_prediction_page(prediction, robot.name, rests_on, path, model.trust),
+        lambda files: summaries.tool_summary(prediction, rests_on, files),
+    )
+    model.answer(answer, output, as_json)
 
 
 def one_of(option: str, word: str, words: tuple[str, ...]) -> str:
