@@ -17,6 +17,7 @@ from robotmodels.common.arrays import Array, ComplexArray, IntArray
 _STEPS = 8  # of a response in the least relative standard deviation
 _FINEST, _COARSEST = 1e-4, 1e-2  # steps of ln G, and of logarithms of standard deviations
 _LEAST = 1e-200
+_LOWEST = 1e-3  # of the ends of a band, one over the other
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +40,8 @@ class ResponseData:
         FRFs of a model.
     model_std : ndarray, (Q, F, m, n), or None
         Relative standard deviations of the model's FRFs by the parameters' covariance.
+    predictive : tuple of ndarray, (Q, F, m, n) each, or None
+        Ends of the 95 % posterior predictive band of measured magnitudes.
     """
 
     omega: Array
@@ -48,6 +51,15 @@ class ResponseData:
     model_omega: Array
     model: ComplexArray | None = None
     model_std: Array | None = None
+    predictive: tuple[Array, Array] | None = None
+
+    @property
+    def share_predicted(self) -> float:
+        """Share of the measured magnitudes that lie in the posterior predictive band."""
+        if self.predictive is None:
+            return float("nan")
+        (lower, upper), size = self.predictive, np.abs(self.measured)
+        return float(((lower <= size) & (size <= upper)).mean())
 
     def embedded(
         self,
@@ -87,6 +99,10 @@ class ResponseData:
         if self.model_std is not None:
             logarithm = np.log(np.maximum(self.model_std, _LEAST))
             content["modelStd"] = packed(logarithm, 2 * _COARSEST, 2)
+        if self.predictive is not None:
+            lower, upper = (np.maximum(end, _LEAST) for end in self.predictive)
+            ends = np.maximum(lower, _LOWEST * upper), upper
+            content["predictive"] = [packed(np.log(end), 2 * _COARSEST, 1) for end in ends]
         words = json.dumps(content, separators=(",", ":")).replace("<", "\\u003c")
         return Markup(f'<script type="application/json" class="responses">{words}</script>')
 

@@ -4,15 +4,20 @@ import numpy as np
 from markupsafe import Markup
 
 import robotmodels
+from estimators.validation.predictive_band import predictive_band
 from oed.criteria.prediction_variance import log_frf_gradients, prediction_std
 from oed.study.results import StudyResults
+from reports import text
 from reports.figures import response_panels
 from reports.figures.response_data import ResponseData, between
 from reports.figures.response_panels import lines_drawn
 from reports.page_elements import Figure, Section, figure, filled
 from reports.sections.plan_labels import labels
-from robotmodels.common.arrays import IntArray
+from robotmodels.common.arrays import Array, IntArray
 from robotmodels.linear.derived_models import WithParameters
+
+DRAWS = 200
+"""Of the posterior, for predictive bands."""
 
 
 def section(results: StudyResults) -> Section:
@@ -27,6 +32,7 @@ def section(results: StudyResults) -> Section:
         panels=panels(results, shown),
         embedded=embedded(results, shown),
         lines=len(lines),
+        predicted=shown.predictive and text.percent(shown.share_predicted),
         units=dict.fromkeys(unit.replace("^2", "²") for unit in results.robot.output_units),
     )
     return Section("responses", "Frequency responses", body)
@@ -38,6 +44,7 @@ def response_data(results: StudyResults, lines: IntArray) -> ResponseData:
     values = results.fits.result.parameters.values
     omega = estimate.omega[lines]
     fine = between(omega)
+    std = np.sqrt(estimate.variance[:, lines])
     model_std = None
     if theorem1 is not None:
         fitted = WithParameters(results.robot, values)
@@ -46,12 +53,22 @@ def response_data(results: StudyResults, lines: IntArray) -> ResponseData:
     return ResponseData(
         omega,
         estimate.response[:, lines],
-        np.sqrt(estimate.variance[:, lines]),
+        std,
         estimate.repetitions,
         fine,
         robotmodels.frequency_response(results.robot, estimate.positions, fine, values),
         model_std,
+        _predictive(results, omega, std),
     )
+
+
+def _predictive(results: StudyResults, omega: Array, std: Array) -> tuple[Array, Array] | None:
+    """Return the posterior predictive band; None without a posterior that converged."""
+    draws = results.posterior_draws
+    if draws is None:
+        return None
+    some = draws[:: -(-len(draws) // DRAWS)]
+    return predictive_band(results.robot, results.data.frf.positions, omega, some, std)
 
 
 def panels(results: StudyResults, shown: ResponseData) -> list[Figure]:

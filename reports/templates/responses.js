@@ -15,6 +15,7 @@
   const model = await complex(data.model, fine.length);
   const std = await unpacked(data.std, F);
   const modelStd = data.modelStd && (await unpacked(data.modelStd, F));
+  const predictive = await complex(data.predictive, F);
   const singular = await unpacked(data.singular, F);
   const modelSingular = data.modelSingular && (await unpacked(data.modelSingular, fine.length));
 
@@ -29,6 +30,7 @@
       modelSize: model && cut(model[0], index, fine.length),
       modelPhase: model && cut(model[1], index, fine.length),
       modelStd: modelStd && cut(modelStd, index, F),
+      predictive: predictive && predictive.map((end) => cut(end, index, F)),
     };
   };
   const { words, make, ticks, extent, axes } = plotting("frf-element");
@@ -37,7 +39,7 @@
   const degrees = (phases) => [...phases].map((v) => ((((v * 180) / Math.PI + 180) % 360) + 360) % 360 - 180);
 
   // What is shown.
-  const state = { q: 0, i: 0, j: 0, view: 0, beside: 0 };
+  const state = { q: 0, i: 0, j: 0, view: 0, beside: 0, band: 0 };
   const bar = figure.querySelector(".chooser");
   const select = (label, options, name) => {
     const holder = document.createElement("label");
@@ -55,6 +57,8 @@
   select("as", VIEWS, "view");
   const positions = data.ids.map((_, q) => `position ${q + 1}`);
   if (Q > 1) select("beside", ["no other", "all positions", ...positions], "beside");
+  const BANDS = ["model, one standard deviation", "posterior predictive, 95 %"];
+  if (predictive) select("band", BANDS, "band");
 
   const holder = figure.querySelector(".scroll");
   const readout = figure.querySelector("output");
@@ -93,6 +97,8 @@
     const also = besides().map((q) => element(q, state.i, state.j));
     const shown = [size, high, ...also.map((other) => decibels(other.size))];
     if (model) shown.push(decibels(one.modelSize));
+    const foreseen = state.band === 1 && one.predictive.map(decibels);
+    if (foreseen) shown.push(foreseen[1]);
     const range = extent(shown);
     range[0] = Math.max(range[0], range[1] - 120);
     const unit = data.units[state.i];
@@ -108,7 +114,8 @@
     upper.line(f, size, "accent", 1.1);
     lower.line(f, degrees(one.phase), "accent", 1.1, true);
     if (!model) return [upper, lower];
-    if (one.modelStd) {
+    if (foreseen) upper.band(f, ...foreseen, "second");
+    else if (one.modelStd) {
       const relative = atFine(one.modelStd).map((v) => Math.min(Math.exp(v), 0.999));
       const middle = decibels(one.modelSize);
       const ofModel = [-1, 1].map((s) => middle.map((v, k) => v + DECIBELS * Math.log(1 + s * relative[k])));
@@ -177,6 +184,10 @@
       const g = line(k);
       const own = one.modelStd ? `, std ${share(one.modelStd[k])}` : "";
       parts.push(`model ${decibels([one.modelSize[g]])[0].toFixed(1)} dB, ${degrees([one.modelPhase[g]])[0].toFixed(0)}°${own}`);
+      if (state.band === 1) {
+        const [low, high] = one.predictive.map((end) => decibels([end[k]])[0].toFixed(1));
+        parts.push(`95 % of measurements between ${low} and ${high} dB`);
+      }
       parts.push(`residual ${residual(one, k).map((v) => v.toFixed(1)).join(" and ")} std (real and imaginary part)`);
     }
     parts.push(`coherence ${coherenceOf(one, state.q)[k].toFixed(3)}`);

@@ -35,7 +35,11 @@ def data():
     std = 0.02 * np.abs(measured) + 0.01
     repetitions = np.array([1, 3])
     fine = between(omega)
-    return ResponseData(omega, measured, std, repetitions, fine, response(len(fine)), std / 10)
+    ends = np.abs(measured) - std, np.abs(measured) + std
+    ends[1][0] = 0.9 * np.abs(measured[0])  # one position of two lies outside
+    return ResponseData(
+        omega, measured, std, repetitions, fine, response(len(fine)), std / 10, ends
+    )
 
 
 @pytest.fixture(scope="module")
@@ -74,3 +78,11 @@ def test_names_lines_and_repetitions_are_told(data, content):
 
 def test_lines_between_are_even_on_a_logarithmic_scale():
     np.testing.assert_allclose(between(np.array([1.0, 8.0, 27.0])), [1, 2, 4, 8, 12, 18, 27])
+
+
+def test_ends_of_the_predictive_band_come_back(data, content):
+    for packed, end in zip(content["predictive"], data.predictive, strict=True):
+        values = np.exp(unpacked(packed, (Q, M, N, F)))
+        shown = np.maximum(end, 1e-3 * data.predictive[1])
+        assert values == pytest.approx(shown, rel=0.02)
+    assert data.share_predicted == pytest.approx(0.5)
