@@ -47,7 +47,7 @@ bench: $(VENV)/installed
 	$(BIN)/python benchmarks/linearisation.py
 	$(BIN)/python benchmarks/fits.py
 	$(BIN)/python benchmarks/multistart.py
-	$(BIN)/python benchmarks/time_domain_rival.py --starts 3
+	$(BIN)/python benchmarks/time_domain.py --starts 3
 	$(BIN)/python benchmarks/plant.py
 	$(BIN)/python benchmarks/waiting.py
 	$(BIN)/python benchmarks/design.py
@@ -56,6 +56,7 @@ bench: $(VENV)/installed
 	$(BIN)/python benchmarks/cluster.py
 	$(BIN)/python benchmarks/chains.py
 	$(BIN)/python benchmarks/pages.py
+	$(BIN)/python benchmarks/viewer.py
 
 # Oldest and newest libraries, each Python at hand, the wheel outside the repository (half an hour).
 versions: .tools/installed

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from design_million import million_times
-from design_rivals import SIZES, peer_times
+from design_others import SIZES, peer_times
 from linearisation import HERE, hertz, machine
 
 import oed

@@ -72,7 +72,9 @@ def run(seed: int, stiffest: float, fresh: bool = False) -> dict[str, object]:
         "hidden": sorted(names),
         "chosen": sorted(chosen),
         "predicted": math.prod(p.right_place for p in powers),
-        "powers": [[p.name, p.misfit, min(p.rival_misfit, 1e9), p.right_place] for p in powers],
+        "powers": [
+            [p.name, p.misfit, min(p.alternative_misfit, 1e9), p.right_place] for p in powers
+        ],
         "twins": {name: sorted(group) for name, group in twins.items()},
         "exact": chosen == names,
         "false": false,

@@ -42,7 +42,10 @@ def main() -> None:
     every = powers(arguments.robot, arguments.seed)
     for power in every:
         if power.twins:
-            print(f"{power}; misfit {power.misfit:.3g}, of the best rival {power.rival_misfit:.3g}")
+            print(
+                f"{power}; misfit {power.misfit:.3g}, of the best alternative "
+                f"{power.alternative_misfit:.3g}"
+            )
     alone = sum(not p.twins and p.detection > 0.95 for p in every)
     unseen = sum(p.detection < 0.05 for p in every)
     print(f"{len(every)} springs: {alone} show and have no twin, {unseen} do not show")

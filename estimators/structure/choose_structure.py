@@ -210,24 +210,24 @@ class _Choice:
         """Exchange or drop added springs, where that is better; return whether it was."""
         before = len(self.steps)
         for old in tuple(self.added) if len(self.added) > 1 else ():
-            trial = self.refits.replacements(self.fit, self.added, old, rivals=0)
+            trial = self.refits.replacements(self.fit, self.added, old, alternatives=0)
             others = [spring for spring in self.added if spring.name != old.name]
             tail = float(ndtr(-np.sqrt(max(trial.rise, 0.0)))) * trial.table.independent
             if trial.score is None or tail > self.level:
                 self.added = others
                 self._note("drop", old.name, "", 0.0, trial.fit)
                 continue
-            rivals = [
+            alternatives = [
                 s for s in trial.table if s.name != old.name and s.fall > trial.score.fall / 2
             ]
-            best = self.refits.best(trial.fit, others, rivals[:SHORTLIST])
+            best = self.refits.best(trial.fit, others, alternatives[:SHORTLIST])
             if best is not None and best[1].cost < self.fit.cost:
                 self._accept("exchange", old.name, *best)
         return len(self.steps) > before
 
     def twins(self, spring: Spring) -> tuple[str, ...]:
         """Return the springs that explain the data as well as an added one, but for noise."""
-        trial = self.refits.replacements(self.fit, self.added, spring, rivals=2 * SHORTLIST)
+        trial = self.refits.replacements(self.fit, self.added, spring, alternatives=2 * SHORTLIST)
         return tuple(name for name, misfit in trial.misfits.items() if misfit < TOLD_APART)
 
     def _accept(self, action: str, old: str, score: Score, fit: FittedModel) -> None:

@@ -1,12 +1,12 @@
 """The probability that data will show springs, and tell where they are, before measuring.
 
-Of data without noise a model with rival j in the spring's place, refitted, leaves d_j of the
+Of data without noise a model with alternative j in the spring's place, refitted, leaves d_j of the
 whitened data. In data with noise e the fits of both move along their tangents, P the projections:
 
     chi^2_j - chi^2 = |d_j|^2 + 2 d_j'e - |P_j e|^2 + |P e|^2
 
-All rivals together lose, and the test fires, in a share of draws of e. The largest part is
-2 d_j'e, so that one rival loses with Phi(|d_j|/2); the last two count where d_j is small.
+All alternatives together lose, and the test fires, in a share of draws of e. The largest part is
+2 d_j'e, so that one alternative loses with Phi(|d_j|/2); the last two count where d_j is small.
 """
 
 from collections.abc import Sequence
@@ -29,11 +29,11 @@ from robotmodels.elastic.possible_springs import possible_springs, with_springs
 from robotmodels.elastic.tool_response import underlying_robot
 from robotmodels.linear.response import frequency_response
 
-_RIVALS = 4 * SHORTLIST
-"""Rivals of one spring that are refitted."""
+_ALTERNATIVES = 4 * SHORTLIST
+"""Alternatives of one spring that are refitted."""
 
 _CERTAIN = 150.0
-"""Squared misfit from which on no noise makes a rival the better one."""
+"""Squared misfit from which on no noise makes an alternative the better one."""
 
 _DRAWS = 10_000
 """Draws of the noise."""
@@ -41,7 +41,7 @@ _DRAWS = 10_000
 
 @dataclass(frozen=True)
 class StructurePower:
-    """What data will tell of a spring that a robot is assumed to have.
+    """The power of data to identify a spring that a robot is assumed to have.
 
     Attributes
     ----------
@@ -49,20 +49,20 @@ class StructurePower:
         Spring.
     misfit : float
         Squared misfit lambda of the best fit without it, to data without noise.
-    rival_misfit : float
-        The same with the best rival in its place; infinite where no other spring comes near.
+    alternative_misfit : float
+        The same with the best alternative in its place; infinite where no other spring comes near.
     twins : tuple of str
-        Rivals that are not told apart in 95 %.
+        Alternatives that are not distinguished in 95 %.
     detection : float
         Probability that its score test fires and the refit falls as far: Phi(z - c), z the smaller
         one of the test's and sqrt(lambda), c the tests' limit.
     right_place : float
-        Probability that it fires and none of the rivals fits better.
+        Probability that it fires and none of the alternatives fits better.
     """
 
     name: str
     misfit: float
-    rival_misfit: float
+    alternative_misfit: float
     twins: tuple[str, ...]
     detection: float
     right_place: float
@@ -94,7 +94,7 @@ def structure_power(
     springs : sequence of Spring
         Springs with assumed values, all of them present.
     elements : sequence of Spring, optional
-        Rivals; by default all of `possible_springs`.
+        Alternatives; by default all of `possible_springs`.
     level : float
         As in `choose_structure`.
     damping_times : sequence of float
@@ -107,10 +107,13 @@ def structure_power(
     """
     check_level(level, "structure_power")
     robot = fitted_robot(fit)
-    rivals = possible_springs(robot) if elements is None else tuple(elements)
+    alternatives = possible_springs(robot) if elements is None else tuple(elements)
     names = {spring.name for spring in springs}
-    rivals = (*springs, *(rival for rival in rivals if rival.name not in names))
-    refits = Refits(robot, rivals, tuple(damping_times))
+    alternatives = (
+        *springs,
+        *(alternative for alternative in alternatives if alternative.name not in names),
+    )
+    refits = Refits(robot, alternatives, tuple(damping_times))
     exact = _without_noise(fit, springs)
     return tuple(_power(refits, exact, springs, spring, level) for spring in springs)
 
@@ -118,12 +121,12 @@ def structure_power(
 def _power(
     refits: Refits, exact: FittedModel, springs: Sequence[Spring], spring: Spring, level: float
 ) -> StructurePower:
-    trial = refits.replacements(exact, springs, spring, rivals=_RIVALS)
+    trial = refits.replacements(exact, springs, spring, alternatives=_ALTERNATIVES)
     misfit, count = max(trial.rise, 0.0), trial.table.independent
     size = min(float(np.sqrt(misfit)), _size(trial.score, count))
     shows = size + float(ndtri(level / count))
     detection = float(ndtr(shows))
-    near = [trial.rivals[name] for name, each in trial.misfits.items() if each < _CERTAIN]
+    near = [trial.alternatives[name] for name, each in trial.misfits.items() if each < _CERTAIN]
     change = _whitened(trial.fit)[0]
     unit = np.sqrt(misfit / max(float(change @ change), 1e-300))
     parts = [(unit * remainder, tangents) for remainder, tangents in map(_whitened, near)]
@@ -153,9 +156,9 @@ def _whitened(fit: FittedModel) -> tuple[Array, Array]:
 
 
 def share_of_right(
-    margin: float, change: Array, tangents: Array, rivals: Sequence[tuple[Array, Array]]
+    margin: float, change: Array, tangents: Array, alternatives: Sequence[tuple[Array, Array]]
 ) -> float:
-    """Return the share of draws in which the score test fires and no rival fits better.
+    """Return the share of draws in which the score test fires and no alternative fits better.
 
     Parameters
     ----------
@@ -165,18 +168,18 @@ def share_of_right(
         What the model without the spring leaves of the data: direction of the test.
     tangents : ndarray, (r, p)
         Of the right model.
-    rivals : sequence of pairs of ndarray, (r,) and (r, p)
-        What each rival leaves, in standard deviations of the noise, and its tangents.
+    alternatives : sequence of pairs of ndarray, (r,) and (r, p)
+        What each alternative leaves, in standard deviations of the noise, and its tangents.
     """
     parts = [change[:, None] / np.linalg.norm(change), orth(tangents)]
-    for remainder, slopes in rivals:
+    for remainder, slopes in alternatives:
         parts += [remainder[:, None], orth(slopes)]
     factor = np.linalg.qr(np.hstack(parts), mode="r")
     draws = np.random.default_rng(0).standard_normal((_DRAWS, len(factor))) @ factor
     ends = np.cumsum([part.shape[1] for part in parts])[:-1]
     test, right, *others = np.split(draws, ends, axis=1)
     fires = test[:, 0] > -margin
-    for (remainder, _), linear, moved in zip(rivals, others[::2], others[1::2], strict=True):
+    for (remainder, _), linear, moved in zip(alternatives, others[::2], others[1::2], strict=True):
         gain = np.square(right).sum(axis=1) - np.square(moved).sum(axis=1)
         fires &= remainder @ remainder + 2 * linear[:, 0] + gain > 0
     return float(fires.mean())

@@ -43,8 +43,8 @@ class Replacements:
     rise : float
         Rise of the squared misfit without the spring.
     misfits : dict of str to float
-        Rise with the best rivals in its place.
-    rivals : dict of str to FittedModel
+        Rise with the best alternatives in its place.
+    alternatives : dict of str to FittedModel
         Fits with these.
     """
 
@@ -53,7 +53,7 @@ class Replacements:
     score: Score | None
     rise: float
     misfits: dict[str, float]
-    rivals: dict[str, FittedModel]
+    alternatives: dict[str, FittedModel]
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,9 +81,9 @@ class Refits:
         return score_tests(fit, absent, damping_times=self.damping_times, numbers=numbers)
 
     def replacements(
-        self, fit: FittedModel, springs: Sequence[Spring], spring: Spring, rivals: int
+        self, fit: FittedModel, springs: Sequence[Spring], spring: Spring, alternatives: int
     ) -> Replacements:
-        """Return the fit without one of its added springs, and misfits of the best rivals of it."""
+        """Return the fit without one of its added springs, and misfits of its best alternatives."""
         others = [other for other in springs if other.name != spring.name]
         without = self.refit(fit, others)
         table = self.scores(without)
@@ -91,10 +91,12 @@ class Refits:
         # Costs in units of the noise's variance: of weights that are no likelihood, too.
         scale = next((s.ratio**2 / s.fall for s in table if s.fall > 0), 2.0)
         least = 0.0 if score is None else NEAR * score.fall
-        near = [s for s in table if s.name != spring.name and s.fall > least][:rivals]
-        best = [self.best(without, others, [rival]) for rival in near]
+        near = [s for s in table if s.name != spring.name and s.fall > least][:alternatives]
+        best = [self.best(without, others, [alternative]) for alternative in near]
         fits = {pair[0].name: pair[1] for pair in best if pair is not None}
-        misfits = {name: scale * (rival.cost - fit.cost) for name, rival in fits.items()}
+        misfits = {
+            name: scale * (alternative.cost - fit.cost) for name, alternative in fits.items()
+        }
         rise = scale * (without.cost - fit.cost)
         return Replacements(without, table, score, rise, misfits, fits)
 

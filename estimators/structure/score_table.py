@@ -12,7 +12,7 @@ from robotmodels.common.printing import ReprHtml
 from robotmodels.description.robot_file import Spring
 
 TOLD_APART = 10.8
-"""Squared misfit of a rival from which on it is told apart in 95 %: Phi(-sqrt(10.8)/2) = 5 %."""
+"""Squared misfit from which an alternative is distinguished in 95 %: Phi(-sqrt(10.8)/2) = 5 %."""
 
 _LEVEL = 0.95
 
@@ -130,7 +130,8 @@ class ScoreTable(ReprHtml, Sequence[Score]):
 def twins(correlation: Array, ratios: Array, names: Sequence[str]) -> list[tuple[str, ...]]:
     """Return for each spring those that the data cannot tell from it.
 
-    With z^2 the fall of the squared misfit by the right one, a rival leaves z^2 (1 - rho^2) of it.
+    With z^2 the fall of the squared misfit by the right one, an alternative leaves
+    z^2 (1 - rho^2) of it.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What came of a design's promise, and what to measure next."""
+"""A design's prediction against its outcome, and what to measure next."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -90,7 +90,7 @@ class DesignOutcome:
     directions : ndarray, (p,)
         The same for the directions in which they differ most, smallest first.
     efficiency : float
-        (det predicted / det outcome)^(1/p), one if the design kept its promise.
+        (det predicted / det outcome)^(1/p), one if the design predicted it exactly.
     probability : float
         Probability that repeated experiments scatter as little, or as much, as they did if the
         prediction is right, two-sided; not a number where the outcome is no sample.

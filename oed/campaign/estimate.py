@@ -133,7 +133,7 @@ class Estimate:
 
 def fitted_visits(visits: Sequence[Visit]) -> list[Visit]:
     """Return the visits that are fitted: those whose records are here, check runs left out."""
-    return [visit for visit in visits if visit.state == "told" and visit.purpose in FITTED]
+    return [visit for visit in visits if visit.state == "measured" and visit.purpose in FITTED]
 
 
 def noise_of_period(fit: RunFit, periods: Array) -> ComplexArray:

@@ -119,7 +119,7 @@ class Evaluation:
     @property
     def checked(self) -> Visit | None:
         """The last low-level run whose records are here."""
-        runs = [v for v in self.visits if v.purpose == "check" and v.state == "told"]
+        runs = [v for v in self.visits if v.purpose == "check" and v.state == "measured"]
         return runs[-1] if runs else None
 
     @property

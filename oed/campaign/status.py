@@ -74,7 +74,7 @@ class CampaignStatus:
         """
         if self.open or self.state not in ("reached", "in doubt", "minutes used"):
             return False
-        repeated = any(v.purpose == "repeat" and v.state == "told" for v in self.visits)
+        repeated = any(v.purpose == "repeat" and v.state == "measured" for v in self.visits)
         first = fitted_visits(self.visits)[:1]
         return repeated or self.state == "minutes used" or self.remaining < minutes_of(first)
 

@@ -89,10 +89,10 @@ class Visit:
         return replace(Records.load(self.records_file), lines=sine.lines, detection=sine.detection)
 
     @property
-    def state(self) -> Literal["open", "told", "failed"]:
+    def state(self) -> Literal["open", "measured", "failed"]:
         """Whether it is to be run, its records are here, or it failed."""
         if self.records_file.exists():
-            return "told"
+            return "measured"
         return "failed" if (self.folder / "failed.yaml").exists() else "open"
 
     @property
@@ -102,7 +102,7 @@ class Visit:
 
     def fail(self, reason: str) -> None:
         """Note that it failed; without effect on a visit whose records are here."""
-        if self.state == "told":
+        if self.state == "measured":
             raise InvalidInput(
                 f"visit {self.number}: its records are here, {self.records_file}; remove that file "
                 "first if they are not to count"

@@ -104,15 +104,15 @@ def compare_plans(
         simulation, fixed_equilibria = series.run(plan, generators[k], report, file)
         fixed.append(fixed_equilibria)
         return SimulatedPlan(
-            plan.name, plan.support, plan.repetitions, plan.information, plan.promised, simulation
+            plan.name, plan.support, plan.repetitions, plan.information, plan.predicted, simulation
         )
 
     optimal = simulate(0, first)
-    rivals = tuple(
+    alternatives = tuple(
         plan if isinstance(plan, UnidentifiedPlan) else simulate(k, plan)
         for k, plan in enumerate(others, start=1)
     )
-    return _compared(criterion, optimal, rivals, all(fixed))
+    return _compared(criterion, optimal, alternatives, all(fixed))
 
 
 def _is_simulated(plan: PredictedPlan | UnidentifiedPlan) -> bool:
@@ -199,30 +199,32 @@ def _planned(info: Candidates, name: str, counts: IntArray) -> PredictedPlan | U
     visited = name, read_only(support), read_only(counts[support])
     if names := unidentifiable(total, info.names):
         return UnidentifiedPlan(*visited, names)
-    promised = Uncertainty(info.names, scaled_inverse(total), "Theorem 1")
-    return PredictedPlan(*visited, read_only(total), promised)
+    predicted = Uncertainty(info.names, scaled_inverse(total), "Theorem 1")
+    return PredictedPlan(*visited, read_only(total), predicted)
 
 
 def _compared(
     criterion: str | Criterion,
     optimal: SimulatedPlan,
-    rivals: tuple[SimulatedPlan | UnidentifiedPlan, ...],
+    alternatives: tuple[SimulatedPlan | UnidentifiedPlan, ...],
     fixed_equilibria: bool,
 ) -> PlanComparison:
-    objective, promised, simulated = objective_of(criterion, optimal.promised.names), [], []
-    for rival in rivals:
-        if isinstance(rival, UnidentifiedPlan):
-            promised.append(0.0)
+    objective, predicted, simulated = objective_of(criterion, optimal.predicted.names), [], []
+    for alternative in alternatives:
+        if isinstance(alternative, UnidentifiedPlan):
+            predicted.append(0.0)
             simulated.append((0.0, 0.0, 0.0))
             continue
-        promised.append(objective.efficiency(rival.information, optimal.information))
-        simulated.append(ratio_interval(objective, rival.simulation, optimal.simulation, LEVEL))
+        predicted.append(objective.efficiency(alternative.information, optimal.information))
+        simulated.append(
+            ratio_interval(objective, alternative.simulation, optimal.simulation, LEVEL)
+        )
     efficiencies = np.array([(1.0, 1.0, 1.0), *simulated])
     return PlanComparison(
         criterion=objective.name,
         optimal=optimal,
-        rivals=rivals,
-        promised=read_only(np.array([1.0, *promised])),
+        alternatives=alternatives,
+        predicted=read_only(np.array([1.0, *predicted])),
         simulated=read_only(efficiencies[:, 0]),
         interval=read_only(efficiencies[:, 1:]),
         fixed_equilibria=fixed_equilibria,

@@ -52,15 +52,15 @@ class PredictedPlan(_VisitedPlan):
     ----------
     information : ndarray, (p, p)
         Information at the true values.
-    promised : Uncertainty
+    predicted : Uncertainty
         Its covariance ([WM] Theorem 1).
     """
 
     information: Array
-    promised: Uncertainty
+    predicted: Uncertainty
 
 
-@renamed_attributes("0.2", found="simulation")
+@renamed_attributes("0.2", found="simulation", promised="predicted")
 @dataclass(frozen=True, eq=False)
 class SimulatedPlan(PredictedPlan):
     """A plan, its predicted covariance and its simulated experiments.
@@ -83,13 +83,21 @@ class SimulatedPlan(PredictedPlan):
         return std_interval(self.std, len(self.simulation.estimates), LEVEL)
 
 
-@renamed_attributes("0.2", trials="plans", found="simulated", held="fixed_equilibria")
+@renamed_attributes(
+    "0.2",
+    trials="plans",
+    found="simulated",
+    held="fixed_equilibria",
+    rivals="alternatives",
+    promised="predicted",
+    beaten="worse",
+)
 @dataclass(frozen=True, eq=False)
 class PlanComparison(ReprHtml):
-    """A plan against its rivals, the plan first.
+    """A plan against its alternatives, the plan first.
 
-    Efficiencies say how many experiments of the plan are worth as much as one of a rival, by the
-    criterion; that of the optimal plan is one.
+    A relative efficiency is the number of experiments of the optimal plan that give as much
+    information, by the criterion, as one of the alternative; that of the optimal plan is one.
 
     Attributes
     ----------
@@ -97,9 +105,9 @@ class PlanComparison(ReprHtml):
         Its name.
     optimal : SimulatedPlan
         The plan.
-    rivals : tuple of SimulatedPlan or UnidentifiedPlan
+    alternatives : tuple of SimulatedPlan or UnidentifiedPlan
         The K - 1 others.
-    promised : ndarray, (K,)
+    predicted : ndarray, (K,)
         Efficiencies by information.
     simulated : ndarray, (K,)
         Efficiencies by the scatter of repeated experiments; zero where a plan leaves parameters
@@ -112,8 +120,8 @@ class PlanComparison(ReprHtml):
 
     criterion: str
     optimal: SimulatedPlan
-    rivals: tuple[SimulatedPlan | UnidentifiedPlan, ...]
-    promised: Array
+    alternatives: tuple[SimulatedPlan | UnidentifiedPlan, ...]
+    predicted: Array
     simulated: Array
     interval: Array
     fixed_equilibria: bool
@@ -121,30 +129,30 @@ class PlanComparison(ReprHtml):
     @property
     def plans(self) -> tuple[SimulatedPlan | UnidentifiedPlan, ...]:
         """All K plans, the optimal one first."""
-        return (self.optimal, *self.rivals)
+        return (self.optimal, *self.alternatives)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the p parameters."""
-        return self.optimal.promised.names
+        return self.optimal.predicted.names
 
     @property
-    def beaten(self) -> tuple[str, ...]:
-        """Rivals that the plan beats by more than chance explains."""
-        return self._rivals(self.interval[:, 1] < 1)
+    def worse(self) -> tuple[str, ...]:
+        """Alternatives that are significantly worse than the plan."""
+        return self._alternatives(self.interval[:, 1] < 1)
 
     @property
     def better(self) -> tuple[str, ...]:
-        """Rivals that beat the plan by more than chance explains."""
-        return self._rivals(self.interval[:, 0] > 1)
+        """Alternatives that are significantly better than the plan."""
+        return self._alternatives(self.interval[:, 0] > 1)
 
-    def more_certain(self, rival: int) -> tuple[int, int, int]:
-        """Return how many parameters the plan makes more certain than a rival does.
+    def more_certain(self, alternative: int) -> tuple[int, int, int]:
+        """Return of how many parameters the plan has a smaller variance than an alternative.
 
-        The second number counts those where chance does not explain it (F test, 95 %), the third
-        those that a rival, by the same measure, makes more certain than the plan.
+        The second number counts those where the difference is significant (F test, 95 %), the third
+        those of which the alternative has a significantly smaller variance.
         """
-        other = self.plans[rival]
+        other = self.plans[alternative]
         if isinstance(other, UnidentifiedPlan):
             return len(self.names), len(self.names), 0
         one, two = self.optimal.simulation, other.simulation
@@ -152,22 +160,22 @@ class PlanComparison(ReprHtml):
         significant = clearly_smaller(one, two, LEVEL), clearly_smaller(two, one, LEVEL)
         return int(fewer.sum()), int(significant[0].sum()), int(significant[1].sum())
 
-    def _rivals(self, which: BoolArray) -> tuple[str, ...]:
-        pairs = zip(self.rivals, which[1:], strict=True)
+    def _alternatives(self, which: BoolArray) -> tuple[str, ...]:
+        pairs = zip(self.alternatives, which[1:], strict=True)
         return tuple(trial.name for trial, selected in pairs if selected)
 
     def __str__(self) -> str:
-        plan, count = self.optimal, len(self.rivals)
-        others = f", worse than {', '.join(self.better) or 'none'}" * (len(self.beaten) < count)
+        plan, count = self.optimal, len(self.alternatives)
+        others = f", worse than {', '.join(self.better) or 'none'}" * (len(self.worse) < count)
         lines = [
-            f"{plan.name} better than {len(self.beaten)} of {count} alternatives by "
+            f"{plan.name} better than {len(self.worse)} of {count} alternatives by "
             f"{self.criterion}{others}, {len(plan.simulation.estimates)} simulations each"
         ]
-        for k, trial in enumerate(self.rivals, start=1):
+        for k, trial in enumerate(self.alternatives, start=1):
             low, high = self.interval[k]
             lines.append(
                 f"  {trial.name:<12} relative efficiency {self.simulated[k]:.2f} "
-                f"({low:.2f} to {high:.2f}), predicted {self.promised[k]:.2f}"
+                f"({low:.2f} to {high:.2f}), predicted {self.predicted[k]:.2f}"
                 if isinstance(trial, SimulatedPlan)
                 else f"  {trial.name:<12} does not identify {', '.join(trial.unidentified)}"
             )

@@ -36,7 +36,7 @@ def published_settings(study: Study) -> Study:
             "data": data.model_copy(update={"experiment": excitation, "method": "ari"}),
             "fit": study.fit.model_copy(update=choices),
             "as_published": False,
-            "rival": None,
+            "time_domain": None,
             "local_minima": None,
             "output": study.output / "as_published",
         }

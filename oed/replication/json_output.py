@@ -3,7 +3,7 @@
 ``estimators``: for each its ``cost`` with user-defined weights and its ``optimal_cost``, both
 normalised and sorted by the first (null: no FRF), ``start`` numbers, and the parts of reasonable
 models by ``reasonable`` criterion; ``table_1``: per parameter, relative to the best LLS15U model;
-``conclusions``: text, ``verdict``, ``evidence``; ``paper``: the published numbers; ``rival``:
+``conclusions``: text, ``verdict``, ``evidence``; ``paper``: the published numbers; ``time_domain``:
 fits in time and of FRFs, see `TimeDomainComparison` in `oed.replication.time_domain_comparison`
 (null where the study has none); ``minima``: see `LocalMinima` in `oed.replication.local_minima`
 (likewise);
@@ -45,7 +45,7 @@ def published_document(replication: Replication) -> dict[str, Any]:
                 name: dict(zip(statistics, row, strict=True)) for name, row in TABLE_1.items()
             },
         },
-        "rival": replication.rivalry,
+        "time_domain": replication.time_domain,
         "minima": replication.minima,
         "as_published": None
         if other is None

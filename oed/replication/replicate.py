@@ -20,7 +20,7 @@ from oed.replication.time_domain_comparison import (
     method_names,
 )
 from oed.study.results import FittedStudy
-from oed.study.settings.study_file import ESTIMATORS, LocalMinimaChoice, RivalChoice
+from oed.study.settings.study_file import ESTIMATORS, LocalMinimaChoice, TimeDomainChoice
 from oed.study.stage_cache import Stage, dataclass_files, open_stages
 from oed.study.stages.fit import weighting_of, weights_of
 from oed.study.stages.run import Run
@@ -48,7 +48,7 @@ class Replication:
         The arm spring that the second share ignores.
     conclusions : tuple of Judged
         The seven, judged.
-    rivalry : TimeDomainComparison or None
+    time_domain : TimeDomainComparison or None
         Fits in time beside fits of FRFs; None unless the study asks for it.
     minima : LocalMinima or None
         Fits of less excitation; None unless the study asks for it.
@@ -65,7 +65,7 @@ class Replication:
     groups: Groups
     hardest: str
     conclusions: tuple[Judged, ...]
-    rivalry: TimeDomainComparison | None
+    time_domain: TimeDomainComparison | None
     minima: LocalMinima | None
     seconds: dict[str, float]
     as_published: "Replication | None" = None
@@ -144,7 +144,7 @@ def _replication(
             groups,
             hardest_spring(evaluation, theorem1, groups),
             conclusions(evaluation, theorem1, table, groups, results.truth),
-            None if study.rival is None else _rivalry(run, study.rival).value,
+            None if study.time_domain is None else _time_domain(run, study.time_domain).value,
             None if study.local_minima is None else _minima(run, study.local_minima, results).value,
             stages.seconds,
         )
@@ -175,14 +175,14 @@ def _evaluation(run: Run, results: FittedStudy) -> Stage[Evaluation]:
     return run.stages.run("published", inputs, compute, dataclass_files(Evaluation))
 
 
-def _rivalry(run: Run, choice: RivalChoice) -> Stage[TimeDomainComparison]:
+def _time_domain(run: Run, choice: TimeDomainChoice) -> Stage[TimeDomainComparison]:
     """Return all ways of fitting; computed again where there are other methods than before."""
 
     def compute(folder: Path, report: Progress | None) -> TimeDomainComparison:
-        return compare(choice, run.rng("rival"), run.executor, report)
+        return compare(choice, run.rng("time domain"), run.executor, report)
 
-    inputs = {"methods": method_names(), "limit": ROLLOUTS, **run.settings("rival", "seed")}
-    return run.stages.run("rival", inputs, compute, dataclass_files(TimeDomainComparison))
+    inputs = {"methods": method_names(), "limit": ROLLOUTS, **run.settings("time_domain", "seed")}
+    return run.stages.run("time-domain", inputs, compute, dataclass_files(TimeDomainComparison))
 
 
 def _minima(run: Run, choice: LocalMinimaChoice, results: FittedStudy) -> Stage[LocalMinima]:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from oed.replication.prediction_error_fit import fit_prediction_errors
-from oed.study.settings.study_file import RivalChoice
+from oed.study.settings.study_file import TimeDomainChoice
 from robotmodels.common.arrays import Array
 from robotmodels.common.progress import Progress
 
@@ -104,7 +104,7 @@ class TimeDomainComparison:
 
 
 def compare(
-    choice: RivalChoice,
+    choice: TimeDomainChoice,
     rng: np.random.Generator,
     executor: Executor | None = None,
     progress: Progress | None = None,
@@ -204,7 +204,7 @@ def simulated(
 
 
 def rollouts_of(robot: "ElasticRobot", records: "Records") -> "RolloutCase":
-    """Return the records as the rival wants them."""
+    """Return the records as mujoco.sysid takes them."""
     from oed.replication.rollout_fit import rollout_case
 
     shape = (-1, _PERIODS * _SAMPLES, len(robot.motor_names))

@@ -7,7 +7,7 @@ files depends on the clock or on where they lie: the same seed gives the same fi
     ``candidates``: how many; ``relaxed``: ``criterion``, ``support`` (indices of candidates in
     ``stages/information/information.h5``), their ``weights``, ``value``, certified ``gap``;
     ``exact``: ``experiments`` (visits to a position), their ``runs``, and ``efficiency``
-    (certified lower bound against the relaxed optimum); ``promised``: relative ``std`` by the
+    (certified lower bound against the relaxed optimum); ``predicted``: relative ``std`` by the
     plan's own information (null where a parameter is undetermined) and ``weak`` combinations in
     words; ``positions``: the positions to measure in,
     each with ``candidate``, ``position`` [rad, in the order of ``motors``], ``weight``,
@@ -34,8 +34,9 @@ files depends on the clock or on where they lie: the same seed gives the same fi
     ``autocorrelation_time`` [steps], ``acceptance``, ``converged``, ``message``;
     ``z``: (ln estimate - ln truth) / std of Theorem 1, null without a true value.
     ``failures``: stages that could not be computed, with the reason; what they would give is null.
-    ``plans``: of plans compared, ``positions``, ``worth`` promised and found with its 95 %
-    ``interval``, ``promised`` and ``found`` relative std; null where parameters are undetermined.
+    ``plans``: of plans compared, ``positions``, ``relative_efficiency`` (``predicted`` by
+    information, ``simulated``, its 95 % ``interval``), ``predicted`` and ``simulated`` relative
+    std; null where parameters are undetermined.
 ``stages/``
     what each stage computed, see `oed.study.stage_cache`; among it
     ``information/information.h5`` with
@@ -95,7 +96,7 @@ def design_document(results: PlannedStudy) -> dict[str, Any]:
             "runs": summary.runs,
             "efficiency": summary.efficiency,
         },
-        "promised": promised_document(summary),
+        "predicted": predicted_document(summary),
         **(_choices(plan) if isinstance(plan, DesignedPlan) else {}),
         "positions": [
             {
@@ -109,9 +110,9 @@ def design_document(results: PlannedStudy) -> dict[str, Any]:
     }
 
 
-def promised_document(summary: PlanSummary) -> dict[str, Any]:
-    """Return what a plan's information promises before anyone measures."""
-    return {"std": [one.std for one in summary.promised], "weak": summary.weak}
+def predicted_document(summary: PlanSummary) -> dict[str, Any]:
+    """Return the standard deviations predicted by a plan's information."""
+    return {"std": [one.std for one in summary.predicted], "weak": summary.weak}
 
 
 def _choices(plan: DesignedPlan) -> dict[str, Any]:
@@ -221,13 +222,13 @@ def _plans(comparison: PlanComparison) -> dict[str, Any]:
     return {
         trial.name: {
             "positions": len(trial.support),
-            "worth": {
-                "promised": comparison.promised[k],
-                "found": comparison.simulated[k],
+            "relative_efficiency": {
+                "predicted": comparison.predicted[k],
+                "simulated": comparison.simulated[k],
                 "interval": comparison.interval[k],
             },
-            "promised": trial.promised.std if isinstance(trial, SimulatedPlan) else None,
-            "found": trial.std if isinstance(trial, SimulatedPlan) else None,
+            "predicted": trial.predicted.std if isinstance(trial, SimulatedPlan) else None,
+            "simulated": trial.std if isinstance(trial, SimulatedPlan) else None,
         }
         for k, trial in enumerate(comparison.plans)
     }

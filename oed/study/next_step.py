@@ -46,7 +46,7 @@ class NextStep:
 
 
 def next_step(results: PlannedStudy) -> NextStep:
-    """Return what to do next: by the verdict of a fit, by the promise of a plan alone."""
+    """Return what to do next: by the verdict of a fit, or by the prediction of a plan alone."""
     if not isinstance(results, FittedStudy):
         return _before_measuring(results)
     verdict = results.trust.verdict
@@ -60,7 +60,7 @@ def next_step(results: PlannedStudy) -> NextStep:
 
 
 def _before_measuring(results: PlannedStudy) -> NextStep:
-    advice = results.plan.promise.advice
+    advice = results.plan.predicted.advice
     if advice:
         steps = "; ".join(step.text for step in advice[:_STEPS_NAMED])
         return NextStep("reparametrise", f"before anyone measures, {steps}")

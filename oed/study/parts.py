@@ -77,7 +77,7 @@ class _Plan:
         return self.visits * self.runs_per_visit
 
     @cached_property
-    def promise(self) -> Identifiability:
+    def predicted(self) -> Identifiability:
         """Standard deviations and open combinations by the plan's information."""
         counts = self.exact.repetitions[self.used]
         matrices = self.information.take(self.used)

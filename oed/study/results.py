@@ -85,9 +85,9 @@ class PlannedStudy:
         """
         if self.study.design.purpose is None:
             return None
-        promise, L = self.plan.promise, purpose_of(self.study.design.purpose, self.robot).matrix
-        shares = np.einsum("kp,pr,kr->k", promise.directions, L, promise.directions)
-        return float(np.sqrt((shares * promise.direction_std**2)[shares > 0].sum()))
+        predicted, L = self.plan.predicted, purpose_of(self.study.design.purpose, self.robot).matrix
+        shares = np.einsum("kp,pr,kr->k", predicted.directions, L, predicted.directions)
+        return float(np.sqrt((shares * predicted.direction_std**2)[shares > 0].sum()))
 
     def with_failures(self, *failures: Failure) -> Self:
         """Return the results with more failures."""
@@ -143,7 +143,7 @@ class StudyResults(FittedStudy):
     uncertainty : UncertaintyOfResult
         Uncertainty of the result by several methods.
     comparison : PlanComparison or None
-        The plan beside rivals in simulated experiments; None where there is none.
+        The plan beside alternatives in simulated experiments; None where there is none.
     validation : HeldOut or None
         Predictions of positions that were not fitted; None unless the study asks for them.
     tool : ToolPrediction or None

@@ -96,7 +96,7 @@ class SimulatedStudy(SimulatedDesign):
     def of(cls, run: SimulatedRun) -> "SimulatedStudy":
         """Run the stages."""
         before = SimulatedDesign.of(run)
-        warn_of_weak_combinations(before.plan.promise)
+        warn_of_weak_combinations(before.plan.predicted)
         asked, excitation = visits(before.information, before.design), run.study.data.experiment
         simulated = None if excitation is None else experiment(run, excitation, asked)
         if simulated is None:
@@ -120,7 +120,7 @@ class SimulatedStudy(SimulatedDesign):
         )
 
     def comparison(self) -> Stage[PlanComparison] | None:
-        """Return the plan beside rivals; None where the study does not ask for it."""
+        """Return the plan beside alternatives; None where the study does not ask for it."""
         if not self.run.study.compares:
             return None
         return comparison(self.run, self.information, self.design)
@@ -163,7 +163,7 @@ class MeasuredStudy:
         warn_of_few_frequencies(run, data.value.estimate.omega, data.value.columns)
         info = measured_information(run, data)
         study = cls(run, parts, data, info, measured_design(run, info, data))
-        warn_of_weak_combinations(study.plan.promise)
+        warn_of_weak_combinations(study.plan.predicted)
         return study
 
     @property

@@ -30,7 +30,7 @@ class PlanSummary:
         Certified gap of the relaxed optimum.
     efficiency : float
         Certified lower bound of the plan's efficiency against it.
-    promised : tuple of NamedStd
+    predicted : tuple of NamedStd
         Standard deviation of each parameter by the plan's information.
     best, worst : NamedStd
         The parameters of the least and of the largest one.
@@ -44,7 +44,7 @@ class PlanSummary:
     runs: int
     gap: float
     efficiency: float
-    promised: tuple[NamedStd, ...]
+    predicted: tuple[NamedStd, ...]
     best: NamedStd
     worst: NamedStd
     weak: tuple[str, ...]
@@ -52,8 +52,8 @@ class PlanSummary:
 
 def summarise_plan(plan: DesignedPlan | MeasuredPlan) -> PlanSummary:
     """Return the key figures of a plan."""
-    promise = plan.promise
-    promised = _named(promise.names, promise.std)
+    prediction = plan.predicted
+    predicted = _named(prediction.names, prediction.std)
     return PlanSummary(
         candidates=len(plan.information.positions),
         positions=len(plan.used),
@@ -61,10 +61,10 @@ def summarise_plan(plan: DesignedPlan | MeasuredPlan) -> PlanSummary:
         runs=plan.runs,
         gap=float(plan.design.gap),
         efficiency=float(plan.exact.efficiency),
-        promised=promised,
-        best=promised[int(np.argmin(promise.std))],
-        worst=promised[int(np.argmax(promise.std))],
-        weak=tuple(promise.weak()),
+        predicted=predicted,
+        best=predicted[int(np.argmin(prediction.std))],
+        worst=predicted[int(np.argmax(prediction.std))],
+        weak=tuple(prediction.weak()),
     )
 
 

@@ -237,7 +237,7 @@ class VisitProblem:
         )
 
     def deviations(self, visits: Sequence[StudyVisit]) -> Array:
-        """Return the standard deviations that visits promise at each sample of theta, (K, p)."""
+        """Return the standard deviations predicted for visits at each sample of theta, (K, p)."""
         rows = []
         for robot in self.robots:
             parts = [one.plan.periods * self._information(robot, one) for one in visits]

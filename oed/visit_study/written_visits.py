@@ -33,11 +33,11 @@ def write_visits(
         raise InvalidInput(
             f"output: {visits.folder} is a campaign's; give the study another output"
         )
-    if told := sum(visit.state == "told" for visit in there):
+    if measured := sum(visit.state == "measured" for visit in there):
         if len(there) == len(plans) and all(map(_same, there, plans)):
             return there
         raise InvalidInput(
-            f"output: {visits.folder} has records of {told} visits of another plan; move that "
+            f"output: {visits.folder} has records of {measured} visits of another plan; move that "
             "folder away, or give the study another output"
         )
     if visits.folder.exists():

@@ -1,4 +1,4 @@
-"""The page of ``oed design``: where to measure, why, and what that promises."""
+"""The page of ``oed design``: where to measure, why, and the predicted accuracy."""
 
 from pathlib import Path
 

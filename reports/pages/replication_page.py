@@ -47,7 +47,11 @@ def write_published(results: FittedStudy, published: Replication, path: Path) ->
             _parameters(results, published),
             _responses(results, published),
             *([] if published.minima is None else [_minima(published.minima)]),
-            *([] if published.rivalry is None else [_rival(published.rivalry, published.seconds)]),
+            *(
+                []
+                if published.time_domain is None
+                else [_time_domain(published.time_domain, published.seconds)]
+            ),
         ],
         banner=_banner(published.conclusions),
     )
@@ -203,11 +207,11 @@ def _minima(minima: LocalMinima) -> Section:
     return Section("minima", "Local minima against excitation and time", body)
 
 
-def _rival(comparison: TimeDomainComparison, seconds: dict[str, float]) -> Section:
+def _time_domain(comparison: TimeDomainComparison, seconds: dict[str, float]) -> Section:
     body = filled(
-        "published_rival.html.j2",
+        "published_time_domain.html.j2",
         comparison=comparison,
-        table=tables.rival(comparison),
-        seconds=seconds["rival"],
+        table=tables.time_domain(comparison),
+        seconds=seconds["time-domain"],
     )
-    return Section("rival", "Fits in time", body)
+    return Section("time-domain", "Fits in time", body)

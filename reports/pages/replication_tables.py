@@ -82,7 +82,7 @@ def paper_table_1() -> Table:
     return table("paper-table-1", caption, columns, rows)
 
 
-def rival(comparison: TimeDomainComparison) -> Table:
+def time_domain(comparison: TimeDomainComparison) -> Table:
     """Return what fits in time and fits of FRFs came to from the same starts."""
     rows = [
         (
@@ -105,7 +105,7 @@ def rival(comparison: TimeDomainComparison) -> Table:
         "Success: all springs within 5 % of the truth. Springs, dampers: median error of the "
         "successes, or of all fits where none succeeded. Time: per start."
     )
-    return table("rival-table", caption, columns, rows)
+    return table("time-domain-table", caption, columns, rows)
 
 
 def minima(minima: LocalMinima) -> Table:

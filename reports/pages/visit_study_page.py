@@ -1,4 +1,4 @@
-"""The page of a study of visits: minutes, what they promise, which motor shakes on which line."""
+"""The page of a study of visits: minutes, predicted accuracy, which motor shakes on which line."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -25,7 +25,7 @@ from reports.page_elements import (
     percent_cell,
     table,
 )
-from reports.summaries.visit_study_summary import promised_words, spectra_words
+from reports.summaries.visit_study_summary import predicted_words, spectra_words
 from robotmodels.common.atomic_files import write_text
 
 
@@ -37,7 +37,7 @@ def write_visit_study_page(results: VisitStudyResults, path: Path, command: str 
     banner = page_banner(
         "Targets out of reach" if missed else f"{visits} in {minutes}",
         "doubtful" if missed else "sound",
-        text.sentence(promised_words(results)),
+        text.sentence(predicted_words(results)),
         next_step="run the visits in their order, with the files of the folder visits",
     )
     write_text(
@@ -114,7 +114,7 @@ def _accuracy(results: VisitStudyResults) -> Section:
 
 
 def accuracy_table(results: VisitStudyResults) -> Table:
-    """Return the standard deviations that the visits promise, beside the targets."""
+    """Return the standard deviations predicted for the visits, beside the targets."""
     columns = {"expected": results.std[0]}
     if len(results.std) > 1:
         columns["worst sample"] = results.std.max(axis=0)

@@ -30,8 +30,8 @@ def section(results: StudyResults) -> Section | None:
     if comparison is None:
         return None
     optimal = comparison.optimal
-    ratio, ends = optimal.std / optimal.promised.std, optimal.std_interval()
-    inside = (ends[:, 0] <= optimal.promised.std) & (optimal.promised.std <= ends[:, 1])
+    ratio, ends = optimal.std / optimal.predicted.std, optimal.std_interval()
+    inside = (ends[:, 0] <= optimal.predicted.std) & (optimal.predicted.std <= ends[:, 1])
     body = filled(
         "comparison.html.j2",
         comparison=comparison,
@@ -60,13 +60,13 @@ def plan_table(comparison: PlanComparison) -> Table:
     p = len(comparison.names)
     for k, trial in enumerate(comparison.plans):
         row: list[Cell] = [trial.name, Number(str(len(trial.support)), len(trial.support))]
-        worth = (comparison.promised[k], comparison.simulated[k], *comparison.interval[k])
-        row += [Number(text.fixed(float(v), 2), float(v)) for v in worth[:2]]
+        efficiency = (comparison.predicted[k], comparison.simulated[k], *comparison.interval[k])
+        row += [Number(text.fixed(float(v), 2), float(v)) for v in efficiency[:2]]
         if not k:
             rows.append([*row, "–", "–", "–"])
             continue
         _, clear, against = comparison.more_certain(k)
-        between = f"{text.fixed(float(worth[2]), 2)} to {text.fixed(float(worth[3]), 2)}"
+        between = f"{text.fixed(float(efficiency[2]), 2)} to {text.fixed(float(efficiency[3]), 2)}"
         if isinstance(trial, UnidentifiedPlan):
             between = f"does not identify {text.listed(list(trial.unidentified))}"
         row += [between, Number(f"{clear} of {p}", clear)]
@@ -86,15 +86,15 @@ def plan_table(comparison: PlanComparison) -> Table:
 
 
 def std_table(comparison: PlanComparison) -> Table:
-    """Return standard deviations of every parameter, promised and simulated, plan by plan."""
+    """Return standard deviations of every parameter, predicted and simulated, plan by plan."""
     groups = _groups(comparison)
     rows: list[list[Cell]] = []
     for i, name in enumerate(comparison.names):
         row: list[Cell] = [name]
         for _, trials in groups:
-            promised = _mean([t.promised.std[i] for t in trials])
+            predicted = _mean([t.predicted.std[i] for t in trials])
             std = _mean([t.std[i] for t in trials])
-            row += [percent_cell(promised), percent_cell(std)]
+            row += [percent_cell(predicted), percent_cell(std)]
         rows.append(row)
     titles = [f"{name}: {what} [%]" for name, _ in groups for what in ("Theorem 1", "simulated")]
     caption = (
@@ -134,7 +134,7 @@ def _best(comparison: PlanComparison) -> dict[str, str]:
     low, high = (text.fixed(float(v), 2) for v in comparison.interval[k])
     return {
         "name": comparison.plans[k].name if k else OPTIMAL,
-        "worth": text.fixed(float(comparison.simulated[k]), 2),
+        "relative_efficiency": text.fixed(float(comparison.simulated[k]), 2),
         "low": low,
         "high": high,
     }

@@ -35,7 +35,9 @@ def section(results: PlannedStudy) -> Section:
     """Return the section; of measured data, the expected standard deviations alone."""
     plan, summary = results.plan, results.plan_summary
     if not isinstance(plan, DesignedPlan):
-        shown = filled("design_measured.html.j2", summary=summary, promised=promised_table(results))
+        shown = filled(
+            "design_measured.html.j2", summary=summary, predicted=predicted_table(results)
+        )
         return Section("design", "Design", shown)
     design, robust = plan.design, plan.robust
     sensitivity = figure(
@@ -54,7 +56,7 @@ def section(results: PlannedStudy) -> Section:
         summary=summary,
         parameters=len(design.names),
         cost=cost(results),
-        promised=promised_table(results),
+        predicted=predicted_table(results),
         purpose=None if results.purpose_std is None else text.percent(results.purpose_std),
         powers=results.powers,
         ends=[(one.name, text.percent(one.std)) for one in (summary.best, summary.worst)],
@@ -133,13 +135,13 @@ def visiting(plan: DesignedPlan, order: VisitingOrder, choice: DesignChoice) -> 
     }
 
 
-def promised_table(results: PlannedStudy) -> Table:
-    """Return promised and recommended standard deviations of each parameter."""
+def predicted_table(results: PlannedStudy) -> Table:
+    """Return predicted and recommended standard deviations of each parameter."""
     rows = []
     trust = results.trust if isinstance(results, FittedStudy) else None
     std = {} if trust is None else dict(zip(trust.names, trust.std, strict=True))
     why = {} if trust is None else {one.name: discredited(one) for one in trust.intervals}
-    for one in results.plan_summary.promised:
+    for one in results.plan_summary.predicted:
         came = _std(float(std.get(one.name, float("nan"))), why.get(one.name, ""))
         rows.append((one.name, _std(one.std), came))
     columns = [Column("parameter", code=True), *in_unit("%", "expected", "recommended")]
@@ -147,7 +149,7 @@ def promised_table(results: PlannedStudy) -> Table:
         "Relative standard deviations: expected by the plan’s information matrix at the values of "
         "the robot file, and recommended after the fit."
     )
-    return table("promised", caption, columns, rows)
+    return table("predicted", caption, columns, rows)
 
 
 def _std(value: float, struck: str = "") -> Number:

@@ -114,9 +114,9 @@ def visits_text(visits: Sequence[Visit], status: CampaignStatus, campaign: str) 
 
 def status_text(status: CampaignStatus, campaign: str) -> str:
     """Return how far a campaign is, for a terminal."""
-    told = sum(visit.state == "told" for visit in status.visits)
+    measured = sum(visit.state == "measured" for visit in status.visits)
     lines = [
-        f"{status.state}: {plain(text.plural(told, 'visit'))} in {status.minutes:.1f} of "
+        f"{status.state}: {plain(text.plural(measured, 'visit'))} in {status.minutes:.1f} of "
         f"{status.budget:g} min"
         + (f", {status.expected:.1f} min requested" if status.expected else ""),
         *_remark_lines(status),

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from estimators.trust.trust import Trust
-from oed.study.json_output import promised_document
+from oed.study.json_output import predicted_document
 from oed.study.next_step import next_step
 from oed.study.results import FittedStudy, PlannedStudy, StudyResults
 from oed.study.robot_time import robot_time
@@ -58,7 +58,7 @@ def study_json(results: PlannedStudy, written: list[Path]) -> dict[str, Any]:
         "runs": plan.runs,
         "gap": plan.gap,
         "efficiency": plan.efficiency,
-        "promised": promised_document(plan),
+        "predicted": predicted_document(plan),
         "robot_time": json_data(robot_time(r)),
         "next_step": json_data(next_step(r)),
     }
@@ -95,7 +95,7 @@ def _uncertainty_document(
     if methods.agreeing is not None:
         document["agreeing"] = methods.agreeing
     if r.comparison is not None:
-        document["rivals_beaten"] = r.comparison.beaten
+        document["worse_alternatives"] = r.comparison.worse
     return document
 
 
@@ -114,7 +114,7 @@ def _design_lines(r: PlannedStudy) -> Lines:
             f"certified gap {_gap(plan.gap)}, efficiency of the plan >= "
             f"{plain(efficiency(plan.efficiency))}",
         ),
-        *_promise_lines(plan),
+        *_predicted_lines(plan),
         *([] if r.purpose_std is None else [("purpose", _purpose_words(r, r.purpose_std))]),
         *[("" if i else "springs", str(power)) for i, power in enumerate(r.powers)],
     ]
@@ -126,8 +126,8 @@ def _purpose_words(r: PlannedStudy, std: float) -> str:
     return f"{r.study.design.purpose.quantity}, std {size} (root mean square over its region)"
 
 
-def _promise_lines(plan: PlanSummary) -> Lines:
-    """Return the standard deviations that the plan promises, and what it leaves open."""
+def _predicted_lines(plan: PlanSummary) -> Lines:
+    """Return the standard deviations predicted for the plan, and undetermined combinations."""
     best, worst = plan.best, plan.worst
     largest = _percent(worst.std) if np.isfinite(worst.std) else "not at all"
     lines = [

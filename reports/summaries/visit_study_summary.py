@@ -11,7 +11,7 @@ from reports.text import efficiency, listed, percent
 
 
 def visit_study_summary(results: VisitStudyResults, written: Sequence[Path]) -> str:
-    """Return minutes, visits in order, what they promise and what other times would, for people."""
+    """Return minutes, visits in order, predicted accuracy, and that of other times, for people."""
     minutes = float(results.seconds.sum()) / 60
     lines = [
         ("choice", f"{str(results.table).split(': ', 1)[1]}"),
@@ -23,7 +23,7 @@ def visit_study_summary(results: VisitStudyResults, written: Sequence[Path]) -> 
     ]
     if results.spectra is not None:
         lines.append(("spectra", spectra_words(results)))
-    lines.append(("expected", promised_words(results)))
+    lines.append(("expected", predicted_words(results)))
     times = zip(results.curve.times, results.curve.plans, strict=True)
     lines += [
         ("minutes", f"{number(time / 60)}: {accuracy_words(results, one.std)}")
@@ -61,8 +61,8 @@ def spectra_words(results: VisitStudyResults) -> str:
     )
 
 
-def promised_words(results: VisitStudyResults) -> str:
-    """Return what the visits promise, over samples of theta if there are more."""
+def predicted_words(results: VisitStudyResults) -> str:
+    """Return the predicted accuracy of the visits, over samples of theta if there are more."""
     words, robust = accuracy_words(results, results.overall_std), results.study.design.robust
     if robust is None:
         return words

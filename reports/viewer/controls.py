@@ -39,7 +39,7 @@ class Controls:
         self._unit = np.where(view.robot.turning, np.pi / 180, 1.0)
         gui.set_panel_label(view.robot.name)
         self.words = gui.add_markdown("")
-        self.plan_colours = self._add_plan(gui)
+        self.colours, self.rejected = self._add_plan(gui)
         self._angles = self._add_position(gui, start)
         self._add_modes(gui)
         self._add_frf(gui)
@@ -98,20 +98,21 @@ class Controls:
         self._touched()
 
     def _add_plan(self, gui: viser.GuiApi) -> Any:
-        """Add the visits of the plan; return the choice of the candidates' colours."""
+        """Add the visits of the plan; return the choices of the candidates that are drawn."""
         if self._view.study is None:
-            return None
+            return None, None
         positions = self._view.study.plan.positions
         with gui.add_folder("Plan"):
             last = max(2, len(positions))  # a slider has two ends
             visit = gui.add_slider("visit", 1, last, 1, 1, hint="in the order of visits")
             colours = gui.add_dropdown("candidates by", ("weight", "sensitivity", "hidden"))
+            rejected = gui.add_checkbox("rejected positions", False)
 
         @visit.on_update
         def _(_: Any) -> None:
             self.position = positions[min(visit.value, len(positions)) - 1]
 
-        return colours
+        return colours, rejected
 
     def _add_position(self, gui: viser.GuiApi, start: Array) -> list[Any]:
         robot, sliders = self._view.robot, []
@@ -156,6 +157,7 @@ class Controls:
                     uplot.Axis(size=75, label=f"|G| [{robot.output_units[0]}/(N m)]"),
                 ),
                 aspect=1.2,
+                padding=(14, 12, 0, 0),  # the outermost ticks' numbers
             )
         self._element.on_update(self._touch)
 

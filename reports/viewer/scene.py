@@ -12,6 +12,9 @@ from robotmodels.common.arrays import Array
 _LINK, _THING, _VISIT = (150, 165, 185), (205, 150, 110), (214, 40, 90)
 _PLANE = 4.0  # edge of what is drawn of a plane [m]
 _SMALL, _LARGE = 0.008, 0.03  # candidates without and with weight [m]
+PICKED = np.deg2rad(0.7)
+"""Angle between a click and a point, seen from the camera, within which it is picked [rad]."""
+_REJECTED = 0.012  # rejected positions [m]
 _MANY = 2000
 """Candidates above which their points shrink, so that the robot is seen between them."""
 
@@ -42,27 +45,22 @@ class RobotBody:
 
 
 class Candidates:
-    """The tool in every candidate position; those with weight are larger."""
+    """The tool in every candidate position; those with weight are larger, rejected ones red."""
 
     def __init__(self, server: viser.ViserServer, view: View) -> None:
-        self._view, self._clouds = view, []
+        self._server, self._view, self._clouds = server, view, []
+        self._points = view.tool_points(view.candidates)
+        self._rejected: viser.PointCloudHandle | None = None
         if view.study is None:
             return
-        points, weights = view.tool_points(view.candidates), view.study.plan.design.weights
-        small = _SMALL * min(1.0, np.sqrt(_MANY / len(points)))
+        weights = view.study.plan.design.weights
+        self._ranked = np.argsort(-weights, kind="stable")
+        small = _SMALL * min(1.0, np.sqrt(_MANY / len(weights)))
         self._members = [np.flatnonzero(weights <= 0), np.flatnonzero(weights > 0)]
         for name, members, size in zip(
             ("without weight", "with weight"), self._members, (small, _LARGE), strict=True
         ):
-            self._clouds.append(
-                server.scene.add_point_cloud(
-                    f"/candidates/{name}",
-                    points[members],
-                    (0, 0, 0),
-                    point_size=size,
-                    point_shape="circle",
-                )
-            )
+            self._clouds.append(self._cloud(name, self._points[members], size))
         self.colour("weight")
 
     def colour(self, by: str) -> None:
@@ -73,6 +71,39 @@ class Candidates:
             if colours is not None:
                 cloud.colors = colours[members]
 
+    def show_rejected(self, shown: bool) -> None:
+        """Show or hide positions that were no candidates."""
+        if self._rejected is None and shown:
+            points = self._view.tool_points(self._view.rejected)
+            self._rejected = self._cloud("rejected", points, _REJECTED, _VISIT)
+        if self._rejected is not None:
+            self._rejected.visible = shown
+
+    def picked(self, origin: Array, direction: Array) -> Array | None:
+        """Return the shown position (n,) nearest to a ray (3,) and (3,) [m]; None if none is near.
+
+        Nearest in angle, within `PICKED`; of points in one place one with the largest weight.
+        """
+        points, positions = [np.empty((0, 3))], [np.empty((0, self._view.candidates.shape[1]))]
+        if any(cloud.visible for cloud in self._clouds):
+            points.append(self._points[self._ranked])
+            positions.append(self._view.candidates[self._ranked])
+        if self._rejected is not None and self._rejected.visible:
+            points.append(self._view.tool_points(self._view.rejected))
+            positions.append(self._view.rejected)
+        rays = np.concatenate(points) - origin
+        along = rays @ direction / np.linalg.norm(direction)
+        away = np.arccos(np.clip(along / np.linalg.norm(rays, axis=1), -1.0, 1.0))
+        near = int(np.argmin(np.round(away, 6))) if len(away) else -1
+        return np.concatenate(positions)[near] if len(away) and away[near] < PICKED else None
+
+    def _cloud(
+        self, name: str, points: Array, size: float, colour: tuple[int, int, int] = (0, 0, 0)
+    ) -> viser.PointCloudHandle:
+        return self._server.scene.add_point_cloud(
+            f"/candidates/{name}", points, colour, point_size=size, point_shape="circle"
+        )
+
 
 def add_plan(server: viser.ViserServer, view: View) -> None:
     """Draw the positions of the plan, numbered and joined in the order of visits."""
@@ -82,8 +113,8 @@ def add_plan(server: viser.ViserServer, view: View) -> None:
     for number, point in enumerate(points, start=1):
         server.scene.add_label(f"/plan/{number}", str(number), position=point)
     if len(points) > 1:
-        ways = np.stack([points[:-1], points[1:]], axis=1)
-        server.scene.add_line_segments("/plan/order", ways, _VISIT, thickness=0.006)
+        paths = np.stack([points[:-1], points[1:]], axis=1)
+        server.scene.add_line_segments("/plan/order", paths, _VISIT, thickness=0.006)
 
 
 def add_obstacles(server: viser.ViserServer, view: View) -> None:

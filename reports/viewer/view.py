@@ -19,8 +19,9 @@ from estimators import (
 from oed import information
 from oed.candidates.screening import reasons
 from oed.candidates.sources import Workcell
+from oed.study.parts import DesignedPlan
 from oed.study.results import FittedStudy, PlannedStudy
-from oed.study.stages.candidates import workcell
+from oed.study.stages.candidates import refusals, workcell
 from oed.study.stages.run import frequency_grid
 from robotmodels import (
     ElasticRobot,
@@ -45,6 +46,8 @@ from robotmodels.elastic.rigid_pose import unloaded
 _LINES = 200  # of a drawn FRF
 _BAND = 2 * np.pi * 2.0, 2 * np.pi * 80.0
 """Frequencies where no study names them [rad/s]."""
+SHOWN_REJECTED = 300
+"""At most so many rejected positions are drawn."""
 _WEIGHTLESS = 190, 195, 200
 _STEP = 1e-6  # of the deflection that scales a mode shape
 
@@ -142,7 +145,7 @@ class View:
                 robot = with_values(robot, fit.parameters.values)
                 uncertainty: Uncertainty | None = covariance(fit)
             else:
-                uncertainty = _promised(results)
+                uncertainty = _predicted(results)
         except IdentificationError:  # a combination of parameters is left open
             uncertainty = None
         return cls(robot, _lines(omega.min(), omega.max()), uncertainty, results)
@@ -203,6 +206,21 @@ class View:
             return np.empty((0, len(self.robot.motor_names)))
         return np.asarray(self.study.plan.information.positions)
 
+    @cached_property
+    def rejected(self) -> Array:
+        """Some positions of the study's grid that are no candidates, (R, n), evenly chosen."""
+        plan = None if self.study is None else self.study.plan
+        settings = None if self.study is None else self.study.study.candidates
+        if settings is None or not isinstance(plan, DesignedPlan):
+            return np.empty((0, self.candidates.shape[1]))
+        return refusals(settings, self.robot, plan.candidates, SHOWN_REJECTED)[0]
+
+    def candidate(self, position: Array) -> int | None:
+        """Return which candidate a position (n,) is, to a thousandth of a degree or metre."""
+        near = np.where(self.robot.turning, np.pi / 180, 1.0) * 1e-3
+        (indices,) = np.nonzero((np.abs(self.candidates - position) <= near).all(axis=1))
+        return int(indices[0]) if len(indices) else None
+
     def colours(self, by: str) -> NDArray[np.uint8]:
         """Return colours of the candidates, (Q, 3) of 0 to 255, by "weight" or "sensitivity".
 
@@ -250,15 +268,15 @@ class View:
         visit = None if self.study is None else _information(self.study, position[None])
         if self.study is None or visit is None:
             return None
-        promise = self.study.plan.promise
-        scaled = promise.singular_values[:, None] * promise.directions
-        additions = best_additions(scaled.T @ scaled, visit, promise.names)
-        ratio = promise.std / additions.std[0]
+        predicted = self.study.plan.predicted
+        scaled = predicted.singular_values[:, None] * predicted.directions
+        additions = best_additions(scaled.T @ scaled, visit, predicted.names)
+        ratio = predicted.std / additions.std[0]
         most = int(np.argmax(ratio))
         return Gain(
             float(additions.gain[0]),
-            promise.names[most],
-            float(promise.std[most]),
+            predicted.names[most],
+            float(predicted.std[most]),
             float(additions.std[0, most]),
         )
 
@@ -286,9 +304,9 @@ def _lines(low: float, high: float) -> Array:
     return np.asarray(np.geomspace(low, high, _LINES))
 
 
-def _promised(results: PlannedStudy) -> Uncertainty:
-    """Return the covariance that the plan promises: the inverse of its information."""
-    promise = results.plan.promise
+def _predicted(results: PlannedStudy) -> Uncertainty:
+    """Return the covariance that the plan predicts: the inverse of its information."""
+    predicted = results.plan.predicted
     with np.errstate(divide="ignore"):
-        scaled = promise.directions / promise.singular_values[:, None]
-    return Uncertainty(promise.names, scaled.T @ scaled, "predicted by the plan")
+        scaled = predicted.directions / predicted.singular_values[:, None]
+    return Uncertainty(predicted.names, scaled.T @ scaled, "predicted by the plan")

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import viser
 
+from oed.study.parts import DesignedPlan, MeasuredPlan
 from reports import text
 from reports.viewer.controls import Controls
 from reports.viewer.scene import Candidates, RobotBody, add_obstacles, add_plan
@@ -54,21 +55,29 @@ class Viewer:
         self._view = view
         self._changed = True
         self._dragged_to: Array | None = None
+        self._clicked: tuple[Array, Array] | None = None
         self._pose: Pose | None = None
         limits, study = view.robot.position_limits, view.study
         start = limits.mean(axis=1) if study is None else study.plan.positions[0]
-        self._body, candidates = RobotBody(server, view), Candidates(server, view)
+        self._body, self._candidates = RobotBody(server, view), Candidates(server, view)
         add_plan(server, view)
         add_obstacles(server, view)
         self.controls = Controls(server.gui, view, start, self._touch)
-        if (choice := self.controls.plan_colours) is not None:
-            choice.on_update(lambda _: candidates.colour(choice.value))
+        if study is not None:
+            self._show_candidates(server)
         self._tool = server.scene.add_transform_controls("/tool", 0.25, disable_rotations=True)
         self._tool.on_update(self._drag)
         points = view.tool_points(np.vstack([view.candidates, start]))
         low, high = np.minimum(points.min(axis=0), 0.0), np.maximum(points.max(axis=0), 0.0)
         camera, middle = server.initial_camera, (low + high) / 2
         camera.look_at, camera.position = middle, middle + np.linalg.norm(high - low) * _CAMERA
+
+    def _show_candidates(self, server: viser.ViserServer) -> None:
+        """Let candidates be coloured, shown and clicked."""
+        colours, rejected = self.controls.colours, self.controls.rejected
+        colours.on_update(lambda _: self._candidates.colour(colours.value))
+        rejected.on_update(lambda _: self._candidates.show_rejected(rejected.value))
+        server.scene.on_click()(self._click)
 
     def run(self) -> None:
         """Draw what changes until interrupted."""
@@ -83,6 +92,10 @@ class Viewer:
             point, self._dragged_to = self._dragged_to, None
             reached = self._view.position_at(point, controls.position)
             controls.position = controls.position if reached is None else reached
+        if self._clicked is not None:
+            ray, self._clicked = self._clicked, None
+            picked = self._candidates.picked(*ray)
+            controls.position = controls.position if picked is None else picked
         changed, self._changed = self._changed, False
         if changed:
             self._update(controls.position, controls.values)
@@ -108,7 +121,9 @@ class Viewer:
         """Return what there is to say of a position."""
         reasons = self._view.reasons(position)
         feasible = "Feasible: within its limits, no collision."
-        words = [f"**Refused**: {'; '.join(reasons)}" if reasons else feasible]
+        words = [f"**Rejected**: {'; '.join(reasons)}" if reasons else feasible]
+        if self._view.study is not None:
+            words.insert(0, self._description(position, self._view.study.plan))
         gain = self._view.gain(position)
         if gain is not None:
             words.append(
@@ -118,8 +133,26 @@ class Viewer:
             )
         return "\n\n".join(words)
 
+    def _description(self, position: Array, plan: DesignedPlan | MeasuredPlan) -> str:
+        """Return which candidate a position is, what the design says of it, and where its tool."""
+        (tool,) = self._view.tool_points(position[None])
+        where = f"Tool at ({', '.join(f'{x:.3f}' for x in tool)}) m."
+        number = self._view.candidate(position)
+        if number is None:
+            return f"Not a candidate. {where}"
+        weight, sensitivity = plan.design.weights[number], plan.design.sensitivity
+        return (
+            f"**Candidate {number + 1}** of {len(sensitivity)}: weight {text.percent(weight)}, "
+            f"{text.plural(plan.exact.repetitions[number], 'visit')} of the plan's {plan.visits}, "
+            f"sensitivity function {sensitivity[number] / sensitivity.max():.2f} of its maximum. "
+            f"{where}"
+        )
+
     def _touch(self) -> None:
         self._changed = True
+
+    def _click(self, event: Any) -> None:
+        self._clicked = np.array(event.ray_origin), np.array(event.ray_direction)
 
     def _drag(self, event: Any) -> None:
         self._dragged_to = np.array(event.target.position)

@@ -47,7 +47,7 @@ def test_from_a_template_to_a_status(tmp_path: Path, monkeypatch) -> None:
         code, _, err = oed("campaign", "simulate", "c.yaml", "--truth", "moberg_axis1")
         assert code == 0, err
     status = status_of("c.yaml")
-    assert [visit["state"] for visit in status["visits"]] == ["told"] * len(status["visits"])
+    assert [visit["state"] for visit in status["visits"]] == ["measured"] * len(status["visits"])
     content = page.read_text()
     assert "<strong>Next:</strong> oed campaign ask c.yaml" in content
     for words in ("Ask for the next visits", "a2.stiffness"):

@@ -76,8 +76,8 @@ def test_scripts_get_the_same_verdict_and_intervals(steps):
     }
     assert (design["experiments"], design["runs"]) == (5, 10)
     assert written["design"]["exact"]["runs"] == 10
-    assert design["promised"] == written["design"]["promised"]
-    assert all(0 < std < 0.1 for std in design["promised"]["std"])
+    assert design["predicted"] == written["design"]["predicted"]
+    assert all(0 < std < 0.1 for std in design["predicted"]["std"])
     assert "verdict" not in design
     for said, name in ((fit, "fit"), (whole, "uncertainty")):
         trust = written[name]["trust"]
@@ -86,9 +86,9 @@ def test_scripts_get_the_same_verdict_and_intervals(steps):
         assert said["verdict"] == "trustworthy"
         assert said["next_step"]["action"] == "none"
         assert said["robot_time"]["bound"]
-    for one, promised in zip(whole["intervals"], design["promised"]["std"], strict=True):
+    for one, predicted in zip(whole["intervals"], design["predicted"]["std"], strict=True):
         assert one["low"] < one["value"] < one["high"]
-        assert one["std"] / one["value"] == pytest.approx(promised, rel=0.1)
+        assert one["std"] / one["value"] == pytest.approx(predicted, rel=0.1)
 
 
 def test_fresh_keeps_nothing(steps):

@@ -80,8 +80,8 @@ def test_a_visit_of_one_run_is_worth_its_part_of_an_experiment(simulated):
     from oed.study.pipeline import design_study
     from oed.study.settings.study_file import load_study
 
-    promised = design_study(load_study(both)).plan_summary.promised
-    ratio = np.divide(design["promised"]["std"], [one.std for one in promised])
+    predicted = design_study(load_study(both)).plan_summary.predicted
+    ratio = np.divide(design["predicted"]["std"], [one.std for one in predicted])
     np.testing.assert_allclose(ratio, np.sqrt(2))
 
 

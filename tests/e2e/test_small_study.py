@@ -121,16 +121,16 @@ def test_log_fit_agrees_with_the_likelihood(small_study):
     assert np.abs(apart).max() < 2
 
 
-def test_the_plan_is_compared_with_rivals_for_every_parameter(small_study):
+def test_the_plan_is_compared_with_alternatives_for_every_parameter(small_study):
     folder, _ = small_study
     plans = read(folder, "uncertainty")["plans"]
     assert list(plans) == ["optimal", "evenly spread", "random 1"]
     for plan in plans.values():
-        ratio = np.divide(plan["found"], plan["promised"])
+        ratio = np.divide(plan["simulated"], plan["predicted"])
         # Twelve experiments: chi square of eleven degrees within one in a thousand.
         assert np.all((ratio > 0.25) & (ratio < 1.9))
-        low, high = plan["worth"]["interval"]
-        assert low <= plan["worth"]["found"] <= high
+        low, high = plan["relative_efficiency"]["interval"]
+        assert low <= plan["relative_efficiency"]["simulated"] <= high
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert 'id="plan-stds"' in page
     assert 'id="plan-deviations"' in page

@@ -11,13 +11,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import viser
 from browser import chromium
-from conftest import oed, write_study
+from conftest import STUDY, oed, write_study
 
 import oed as what_to_measure
 from estimators import FrfEstimate, best_additions, write_frf
 from oed.study.pipeline import design_study, fit_study
 from oed.study.settings.study_file import load_study
+from reports import text
 from reports.commands import view as command
 from reports.viewer.view import View
 from reports.viewer.viewer import Viewer, serving
@@ -89,6 +91,7 @@ def test_a_visit_more_of_measured_data_has_their_mean_noise(tmp_path):
         assert gain.factor == pytest.approx(alone.gain[i], rel=1e-6)
 
 
+BAND = (90, 130, 190)
 MEASURED = """\
 schema: study/1
 robot: robot.yaml
@@ -235,10 +238,124 @@ def test_the_page_of_a_study_is_alive_in_a_browser(running):
     assert "Traceback" not in process.stderr.read()
 
 
+@pytest.fixture(scope="module")
+def opened(tmp_path_factory):
+    """A viewer served here, and its page: what a test moves can be compared with what is drawn."""
+    above = STUDY.replace("joint: [-2.5, -0.5]", "joint: [-2.5, 0.6]").replace(
+        "candidates:", "candidates:\n  floor: 0.0"
+    )
+    path = write_study(tmp_path_factory.mktemp("floor"), above)
+    view = View.of_study(design_study(load_study(path)))
+    wide = replace(view.uncertainty, covariance=900 * view.uncertainty.covariance)
+    view = replace(view, uncertainty=wide)  # so that its band is a surface
+    with serving(free_port()) as server, chromium() as browser:
+        viewer = Viewer(view, server)
+        viewer.step(0.0)
+        page = browser.new_page(viewport={"width": 1200, "height": 900})
+        page.goto(f"http://127.0.0.1:{server.get_port()}")
+        page.get_by_text("One more visit here").wait_for(timeout=60_000)
+        until(viewer, page, lambda: server.get_clients())
+        page.locator(".uplot").wait_for(timeout=30_000)
+        yield viewer, page, next(iter(server.get_clients().values()))
+
+
+def until(viewer, page, holds):
+    """Step until something holds, up to half a minute."""
+    end = time.monotonic() + 30
+    while time.monotonic() < end:
+        viewer.step(0.0)
+        if holds():
+            return
+        page.wait_for_timeout(50)
+    raise AssertionError("nothing came of it in 30 s")
+
+
+def on_page(page, camera, point):
+    """Return the pixel at which a point (3,) [m] is seen."""
+    turned = viser.transforms.SO3(camera.wxyz).as_matrix()
+    x, y, z = turned.T @ (point - camera.position)
+    box = page.locator("canvas").first.bounding_box()
+    half = np.tan(camera.fov / 2) * z
+    across = x / (half * box["width"] / box["height"])
+    return box["width"] * (1 + across) / 2, box["height"] * (1 + y / half) / 2
+
+
+def frf_picture(page):
+    """Return the pixels of the FRF's plot, (height, width, 4)."""
+    plot = page.locator(".uplot canvas").first
+    numbers = plot.evaluate(
+        "one => [one.height, one.width, ...one.getContext('2d')"
+        ".getImageData(0, 0, one.width, one.height).data]"
+    )
+    return np.array(numbers[2:]).reshape(*numbers[:2], 4)
+
+
+def test_a_click_on_a_candidate_says_what_it_is(opened):
+    viewer, page, client = opened
+    weights = viewer._view.study.plan.design.weights
+    points = viewer._view.tool_points(viewer._view.candidates)
+    for number in np.argsort(-weights)[:2]:
+        page.mouse.click(*on_page(page, client.camera, points[number]))
+        until(viewer, page, lambda n=number: viewer._view.candidate(viewer.controls.position) == n)
+        page.get_by_text(f"Candidate {number + 1} of {len(weights)}").wait_for(timeout=20_000)
+        words = page.locator("body").inner_text()
+        assert f"weight {text.percent(weights[number])}" in words
+        assert "One more visit here: standard deviations fall by" in words
+
+
+def test_a_click_on_a_rejected_position_says_why(opened):
+    viewer, page, client = opened
+    page.get_by_text("rejected positions").click()
+    until(viewer, page, lambda: viewer._candidates._rejected is not None)
+    position = viewer._view.rejected[0]
+    page.mouse.click(*on_page(page, client.camera, viewer._view.tool_points(position[None])[0]))
+    until(viewer, page, lambda: "Rejected" in viewer.controls.words.content)
+    page.get_by_text("Rejected").first.wait_for(timeout=20_000)
+
+
+def test_the_tool_is_dragged_with_the_mouse_and_the_frf_follows(opened):
+    viewer, page, client = opened
+    position = viewer._view.study.plan.positions[0]
+    viewer.controls.position = position
+    until(viewer, page, lambda: viewer.controls.position == pytest.approx(position, abs=1e-4))
+    page.wait_for_timeout(500)
+    up = np.array([0.0, 0.0, 1.0])
+    before, (tool,) = frf_picture(page), viewer._view.tool_points(position[None])
+    start = on_page(page, client.camera, tool + 0.2 * up)
+    end = on_page(page, client.camera, tool + 0.1 * up)
+    page.mouse.move(*start)
+    page.mouse.down()
+    for share in (0.25, 0.5, 0.75, 1.0):
+        page.mouse.move(*(np.add(start, share * np.subtract(end, start))))
+        page.wait_for_timeout(50)
+    page.mouse.up()
+    until(viewer, page, lambda: viewer.controls.position != pytest.approx(position, abs=1e-3))
+    (moved,) = viewer._view.tool_points(viewer.controls.position[None])
+    assert moved[2] < tool[2] - 0.03
+    until(viewer, page, lambda: not np.array_equal(frf_picture(page), before))
+
+
+def test_the_band_of_the_frf_is_drawn(opened):
+    viewer, page, _ = opened
+    magnitude, lower, upper = viewer._view.frf(
+        viewer.controls.position, viewer.controls.values, 0, 0
+    )
+    assert (upper > lower).all()
+    until(viewer, page, lambda: shaded(page) > 400)
+    viewer.controls.show_frf(np.array([magnitude, *np.full((2, len(magnitude)), np.nan)]))
+    until(viewer, page, lambda: shaded(page) < 100)
+
+
+def shaded(page):
+    """Return the number of pixels in the colour of the band."""
+    near = np.abs(frf_picture(page)[..., :3] - np.array(BAND)).max(axis=2) < 30
+    return int(near.sum())
+
+
 def test_a_robot_without_a_study_is_shown():
     robot = load_robot("manutec_r3")
     with serving(free_port()) as server:
         viewer = Viewer(View.of_robot(robot), server)
         viewer.step(time.monotonic())
-        assert viewer.controls.plan_colours is None
+        assert viewer.controls.colours is None
         assert "Feasible" in viewer.controls.words.content

@@ -132,8 +132,8 @@ def test_spectra_wait_for_a_fit_or_for_samples():
     assert {one["excitation"] for one in document["visits"]} >= {"spectra 1"}
     assert len(document["parameters"][0]["relative_std"]) == 3
     flat = oed("design", written(output="flat"), "--json")
-    promised = {one["name"]: one["relative_std"][0] for one in json.loads(flat[1])["parameters"]}
-    ratios = [one["relative_std"][0] / promised[one["name"]] for one in document["parameters"]]
+    predicted = {one["name"]: one["relative_std"][0] for one in json.loads(flat[1])["parameters"]}
+    ratios = [one["relative_std"][0] / predicted[one["name"]] for one in document["parameters"]]
     assert np.exp(np.mean(np.log(ratios))) < 0.9  # at the same limits of peaks
 
 

@@ -30,7 +30,7 @@ PHRASES = {
     r"\b(tell|told) apart\b": "distinguish",
     r"\bbeats?\b|\bbeaten\b": "is better than",
 }
-PUBLIC = re.compile(r"rivals_beaten|tell_apart|\[rival\]")
+PUBLIC = re.compile(r"tell_apart")
 """Names of keys, files and extras, which stay."""
 
 

@@ -20,7 +20,7 @@ def plan_of(*diagonals):
         used=np.arange(len(matrices)),
         visit_share=1.0,
         information=SimpleNamespace(take=lambda indices: matrices[indices], names=NAMES),
-        promise=identifiability(matrices.sum(axis=0), NAMES),
+        predicted=identifiability(matrices.sum(axis=0), NAMES),
     )
 
 

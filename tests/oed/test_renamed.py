@@ -30,6 +30,9 @@ def test_classes(old, new):
         (oed.SensorDesign, "chosen", "sensors"),
         (oed.SensorDesign, "keep", "relative_efficiency"),
         (SimulatedPlan, "found", "simulation"),
+        (SimulatedPlan, "promised", "predicted"),
+        (PlanComparison, "promised", "predicted"),
+        (PlanComparison, "rivals", "alternatives"),
         (PlanComparison, "found", "simulated"),
         (PlanComparison, "held", "fixed_equilibria"),
         (oed.VisitingOrder, "given", "unordered_duration"),
@@ -52,9 +55,9 @@ def test_prior_information_by_its_old_keyword():
 
 
 def test_plans_of_a_comparison_by_their_old_name():
-    comparison = PlanComparison("D", "plan", ("rival",), 1.0, 1.0, 1.0, True)
+    comparison = PlanComparison("D", "plan", ("other",), 1.0, 1.0, 1.0, True)
     with pytest.warns(DeprecationWarning, match="plans"):
-        assert comparison.trials == ("plan", "rival")
+        assert comparison.trials == ("plan", "other")
 
 
 def test_order_of_a_plan_file_by_its_old_key():

@@ -1,4 +1,4 @@
-"""Plans beside rivals in simulated experiments, against closed forms and brute force."""
+"""Plans beside alternatives in simulated experiments, against closed forms and brute force."""
 
 from dataclasses import replace
 
@@ -170,15 +170,15 @@ def test_scatter_is_what_theorem_1_promises_and_the_better_plan_wins(axes):
         runs=30,
         progress=lambda done, of: told.append((done, of)),
     )
-    assert found.beaten == ("one",)
+    assert found.worse == ("one",)
     assert found.better == ("ninefold",)
-    assert found.promised[2:].tolist() == pytest.approx([1.0, 9.0])
+    assert found.predicted[2:].tolist() == pytest.approx([1.0, 9.0])
     assert told[-1] == (120, 120)
     for trial in found.plans:
         ends = trial.std_interval()
         # Two parameters of four plans: one of them outside would be chance.
         assert (
-            (0.85 * ends[:, 0] < trial.promised.std) & (trial.promised.std < 1.2 * ends[:, 1])
+            (0.85 * ends[:, 0] < trial.predicted.std) & (trial.predicted.std < 1.2 * ends[:, 1])
         ).all()
     assert found.more_certain(1)[1] == 2
     assert found.more_certain(3) == (0, 0, 2)
@@ -186,7 +186,7 @@ def test_scatter_is_what_theorem_1_promises_and_the_better_plan_wins(axes):
     assert found.fixed_equilibria
 
 
-def test_a_rival_that_leaves_parameters_open_is_worth_nothing():
+def test_an_alternative_that_leaves_parameters_open_is_worth_nothing():
     H = np.array([np.diag([4.0, 0.0]), np.diag([1.0, 1.0])])
     info = oed.InformationSet(np.array([[0.1, 0.2], [0.3, 0.4]]), 1e4 * H, ("k1", "k2"))
     plans = {"both": np.array([0, 2]), "blind": np.array([2, 0])}
@@ -194,7 +194,7 @@ def test_a_rival_that_leaves_parameters_open_is_worth_nothing():
     found = oed.compare_plans(TwoAxes(), info, info.positions, plans, OMEGA, NOISE, rng=rng, runs=6)
     blind = found.plans[1]
     assert blind.unidentified == ("k2",)
-    assert found.beaten == ("blind",)
+    assert found.worse == ("blind",)
     assert found.more_certain(1) == (2, 2, 0)
     assert isinstance(blind, oed.UnidentifiedPlan)
     assert "blind        does not identify k2" in str(found)

@@ -14,7 +14,7 @@
       floor: 0.01                # part of the largest element at that frequency
     candidates: {...}            # positions to choose from, `candidates_settings`
     design: {...}                # criterion and limits, `design_settings`
-    compare:                     # the plan in repeated simulations, beside rivals
+    compare:                     # the plan in repeated simulations, beside alternatives
       random: 5                  # so many plans of as many experiments in random candidates
       grid: {elbow_joint: 5}     # a grid by hand; left out: spread evenly over all joints' ranges
       runs: 200                  # simulations of each plan; 0: no comparison
@@ -58,7 +58,7 @@
                                  # data  {positions: [0, 4]}  or  {share: 0.2},  then not fitted
     compare_with: wernholt_moberg_2008    # left out, except to repeat the study of that paper
     as_published: true           # with it: once more with the paper's excitation, mean and search
-    rival: {starts: 3, decades: [0.1, 1.0]}    # with it: fits in time, a case of their own
+    time_domain: {starts: 3, decades: [0.1, 1.0]}    # with it: fits in time, a case of their own
     local_minima: {amplitudes: [0.1, 1.0], blocks: [2, 8]}    # with it: fits of less excitation
     output: ../out/ur10          # relative to this file, as every path in it
 
@@ -69,7 +69,7 @@ minimum_snr, variances). A study has runs or FRFs, not both.
 With measured data, the positions are those of the data: `candidates` is left out, and `design` but
 for `tolerance` and `solver` of the optimum over the positions measured. Plans are compared where
 data are simulated by the noise law; where `compare` is given, with others too, but always with FRFs
-of `robot` and errors by the noise law. Limits of the design bind the plan, not its rivals.
+of `robot` and errors by the noise law. Limits of the design bind the plan, not its alternatives.
 """
 
 from pathlib import Path
@@ -154,7 +154,7 @@ class PosteriorChoice(FileSection):
 
 
 class CompareChoice(FileSection):
-    """Rivals of the plan, and how many experiments are simulated by each plan."""
+    """Alternatives to the plan, and how many experiments are simulated by each plan."""
 
     random: Annotated[int, Field(ge=0, le=100)] = 3
     grid: Annotated[dict[str, Annotated[int, Field(ge=1, le=1000)]], Field(min_length=1)] | None = (
@@ -163,8 +163,8 @@ class CompareChoice(FileSection):
     runs: Annotated[int, Field(ge=0, le=100_000)] | None = None
 
 
-class RivalChoice(FileSection):
-    """How many starts of the time-domain rival, at each distance from the truth [decades]."""
+class TimeDomainChoice(FileSection):
+    """How many starts of the fit in the time domain, at each distance from the truth [decades]."""
 
     starts: Annotated[int, Field(ge=1, le=1000)] = 3
     decades: Annotated[
@@ -210,7 +210,7 @@ class Study(FileSection):
     validation: ValidationChoice | None = None
     compare_with: Literal["wernholt_moberg_2008"] | None = None
     as_published: bool = False
-    rival: RivalChoice | None = None
+    time_domain: TimeDomainChoice | None = None
     local_minima: LocalMinimaChoice | None = None
     output: Path
 
@@ -297,7 +297,7 @@ class Study(FileSection):
 
     @property
     def compares(self) -> bool:
-        """Whether the plan is compared with rivals in simulated experiments."""
+        """Whether the plan is compared with alternatives in simulated experiments."""
         if self.data.measured or self.compare.runs == 0:
             return False
         by_law = self.data.experiment is None and self.truth is None
@@ -305,7 +305,7 @@ class Study(FileSection):
 
     @model_validator(mode="after")
     def _six_estimators(self) -> Self:
-        for key in ("rival", "as_published", "local_minima"):
+        for key in ("time_domain", "as_published", "local_minima"):
             if getattr(self, key) and self.compare_with is None:
                 raise ValueError(f"{key}: it belongs to a study with compare_with; leave it out")
         if self.as_published and self.data.experiment is None:

@@ -126,11 +126,11 @@ def powers_of_alternatives(
     assumed = all_assumed(choice, robot)
     present = {spring_position(spring) for spring in assumed}
     others = [s for s in possible_springs(robot) if spring_position(s) not in present]
-    rivals = [*assumed, *others]
+    alternatives = [*assumed, *others]
     powers = list[StructurePower]()
     with naming("design.tell_apart"):
         for each, springs in _named(choice, robot):
             file = f" ({name})" if (name := _file_name(each)) else ""
-            for power in structure_power(plan, springs, rivals, level=level):
+            for power in structure_power(plan, springs, alternatives, level=level):
                 powers.append(replace(power, name=f"{power.name}{file}"))
     return tuple(powers)

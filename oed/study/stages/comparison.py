@@ -1,4 +1,4 @@
-"""The stage ``comparison``: the plan and its rivals in simulated experiments."""
+"""The stage ``comparison``: the plan and its alternatives in simulated experiments."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -41,7 +41,7 @@ def check_comparison(run: SimulatedRun) -> None:
 def comparison(
     run: SimulatedRun, info: Stage[Information], plan: Stage[StudyDesign]
 ) -> Stage[PlanComparison]:
-    """Return the plan beside rivals of as many experiments, in experiments by the noise law.
+    """Return the plan beside alternatives of as many experiments, in experiments by the noise law.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def comparison(
 def _plans(
     run: SimulatedRun, info: Information, plan: StudyDesign, rng: np.random.Generator
 ) -> dict[str, IntArray]:
-    """Return the plan and its rivals by name; limits of the design do not hold for rivals."""
+    """Return the plan and its alternatives by name; limits of the design do not bind these."""
     choice, count = run.study.compare, plan.exact.n_experiments
     plans = {OPTIMAL: plan.exact.repetitions}
     if choice.grid is None:

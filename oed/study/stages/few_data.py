@@ -31,9 +31,9 @@ def warn_of_few_frequencies(run: Run, omega: Array, columns: int) -> None:
         )  # fmt: skip
 
 
-def warn_of_weak_combinations(promise: Identifiability) -> None:
+def warn_of_weak_combinations(predicted: Identifiability) -> None:
     """Warn of the combinations of parameters that the plan, were all measured, leaves uncertain."""
-    weak = promise.weak()
+    weak = predicted.weak()
     for combination in weak[:_MOST_NAMED]:
         _LOG.warning("the plan is weak: %s", combination)
     if weak:

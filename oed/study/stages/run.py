@@ -34,13 +34,13 @@ STREAMS = (
     "importance",
     "robust",
     "comparison",
-    "rival",
+    "time domain",
     "cost-posterior",
     "local minima",
 )
 """Independent random numbers; a new one goes to the end, lest the others change.
 
-"rival" and "local minima" are those of `oed.replication`."""
+"time domain" and "local minima" are those of `oed.replication`."""
 
 
 @dataclass(frozen=True, eq=False)

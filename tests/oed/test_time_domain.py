@@ -9,7 +9,7 @@ import pytest
 
 from oed.replication import replicate, rollout_fit, time_domain_comparison
 from oed.replication.time_domain_comparison import TimeDomainComparison, compare, judged
-from oed.study.settings.study_file import RivalChoice, Study, load_study
+from oed.study.settings.study_file import Study, TimeDomainChoice, load_study
 from oed.study.stage_cache import open_stages
 from oed.study.stages.run import Run
 from reports.page_elements import filled
@@ -17,7 +17,7 @@ from reports.pages import replication_tables as tables
 from robotmodels import load_robot
 from robotmodels.common.plain_data import json_data
 
-NEAR = RivalChoice(starts=2, decades=(0.05,))
+NEAR = TimeDomainChoice(starts=2, decades=(0.05,))
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +67,7 @@ def test_frfs_of_the_same_records_find_the_truth_and_a_missing_module_is_told(ca
     monkeypatch.setattr(time_domain_comparison, "case", lambda: case)
     monkeypatch.setattr(rollout_fit, "missing", lambda: "tabulate")
     monkeypatch.setattr(time_domain_comparison, "fit_prediction_errors", unmoved)
-    nearer = RivalChoice(starts=1, decades=(0.02, 0.05))
+    nearer = TimeDomainChoice(starts=1, decades=(0.02, 0.05))
     found = compare(nearer, np.random.default_rng(0))
     assert [way.name for way in found.ways] == ["frequency domain", "prediction error"] * 2
     for ours in found.ways[::2]:
@@ -76,7 +76,10 @@ def test_frfs_of_the_same_records_find_the_truth_and_a_missing_module_is_told(ca
     assert found.missing == "tabulate"
     assert json_data(found)["misfit"] is None
     page = filled(
-        "published_rival.html.j2", comparison=found, table=tables.rival(found), seconds=1.0
+        "published_time_domain.html.j2",
+        comparison=found,
+        table=tables.time_domain(found),
+        seconds=1.0,
     )
     assert "its module tabulate is not installed" in page
     assert "pip install" in page
@@ -108,7 +111,10 @@ def test_both_ways_start_alike_and_are_judged_alike(case, monkeypatch):
     springs = ln[:, [name.endswith("stiffness") for name in robot.parameters.names]]
     assert theirs.successes == int((np.abs(springs).max(axis=1) < 0.05).sum())
     page = filled(
-        "published_rival.html.j2", comparison=found, table=tables.rival(found), seconds=9.0
+        "published_time_domain.html.j2",
+        comparison=found,
+        table=tables.time_domain(found),
+        seconds=9.0,
     )
     assert "by 1.5 standard deviations" in page
     assert "mujoco.sysid" in page
@@ -128,7 +134,7 @@ def test_fits_by_fewer_methods_are_not_taken_for_all(tmp_path, monkeypatch):
         run = Run(study, load_robot("manutec_r3"), stages, None)
         for module in ("tabulate", "tabulate", "", ""):
             monkeypatch.setattr(rollout_fit, "missing", lambda module=module: module)
-            assert replicate._rivalry(run, study.rival).value.missing == module
+            assert replicate._time_domain(run, study.time_domain).value.missing == module
     assert computed == ["tabulate", ""]
 
 
@@ -145,8 +151,8 @@ def test_success_asks_for_every_spring():
     assert np.isclose(none.spring_error, np.log(1.2))
 
 
-def test_a_rival_without_the_published_study_is_refused():
-    with pytest.raises(ValueError, match="rival: it belongs to a study with compare_with"):
+def test_fits_in_time_without_the_published_study_is_refused():
+    with pytest.raises(ValueError, match="time_domain: it belongs to a study with compare_with"):
         Study.model_validate(
             {
                 "schema": "study/1",
@@ -154,7 +160,7 @@ def test_a_rival_without_the_published_study_is_refused():
                 "frequencies": {"low": 2.0, "high": 80.0, "count": 10},
                 "noise": {"relative": 0.03, "floor": 0.01},
                 "candidates": {},
-                "rival": {"starts": 2},
+                "time_domain": {"starts": 2},
                 "output": "out",
             }
         )

@@ -1,9 +1,9 @@
 """Springs and dampers by rollouts in time, mujoco.sysid, beside fits of FRFs: the same records.
 
-    python benchmarks/time_domain_rival.py [--starts 3]
+    python benchmarks/time_domain.py [--starts 3]
 
-writes `benchmarks/results/time_domain_rival.json`. The case is that of a study's `rival`, see
-`oed.replication.time_domain_comparison`; mujoco.sysid comes with ``pip install '.[rival]'``.
+writes `benchmarks/results/time_domain.json`. The case is that of a study's `time_domain`, see
+`oed.replication.time_domain_comparison`; mujoco.sysid comes with ``pip install '.[sysid]'``.
 """
 
 import argparse
@@ -14,10 +14,10 @@ import numpy as np
 from linearisation import HERE, machine
 
 from oed.replication.time_domain_comparison import compare
-from oed.study.settings.study_file import RivalChoice
+from oed.study.settings.study_file import TimeDomainChoice
 from robotmodels.common.plain_data import json_data
 
-RESULTS = HERE / "results" / "time_domain_rival.json"
+RESULTS = HERE / "results" / "time_domain.json"
 
 
 def main() -> None:
@@ -25,7 +25,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--starts", type=int, default=3)
     asked = parser.parse_args()
-    found = compare(RivalChoice(starts=asked.starts), np.random.default_rng(1))
+    found = compare(TimeDomainChoice(starts=asked.starts), np.random.default_rng(1))
     for way in found.ways:
         print(
             f"{way.name}, starts within {way.decades:g} decades: {way.successes} of {way.starts} "
