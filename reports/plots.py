@@ -80,7 +80,7 @@ def frf(
             f"position: {position}; 0 to {len(estimate.positions) - 1} are in the estimate"
         )
     if model is None and spread is not None:
-        raise InvalidInput("spread: there is no model whose band it could be; give one")
+        raise InvalidInput("spread: a band needs a model; give one")
     robot = model.model if isinstance(model, Fit) else model
     m, n = estimate.response.shape[2:]
     omega, at = between(estimate.omega), estimate.positions[[position]]

@@ -97,7 +97,7 @@ def chains_from_frf(
     delay: float = 0.0,
     method: Method = "likelihood",
 ) -> ChainIdentification:
-    """Identify chains as `identify_chains` does, from FRFs and what is known of their errors.
+    """Identify chains as `identify_chains` does, from FRFs and the covariance of their errors.
 
     Degrees of freedom, draws and correlation along lines of the errors travel with the estimate.
 

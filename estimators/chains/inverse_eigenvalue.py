@@ -167,7 +167,7 @@ def check_count(count: int, poles: int) -> None:
     if count < 2:
         raise InvalidInput(
             f"n_masses: {count}; a chain needs at least 2 (a single mass has no spring, "
-            "and its FRF says the mass alone)"
+            "and its FRF is 1/mass)"
         )
     if poles < count:
         raise InvalidInput(

@@ -66,8 +66,8 @@ def _check_rounding(estimate: ChainEstimate) -> None:
     if names := tuple(name for name, std in pairs if not std <= _ROUNDING):
         raise NotIdentifiable(
             names,
-            "rounding of these FRFs leaves them open: give fewer masses, or more lines, above all "
-            "near the resonances that are hardly felt",
+            "rounding of these FRFs leaves them undetermined: give fewer masses, or more "
+            "lines, above all near the resonances that the motor hardly excites",
         )
 
 

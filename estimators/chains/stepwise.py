@@ -124,8 +124,8 @@ def _check_modes(poles: Array, zeros: Array, tolerance: float, names: tuple[str,
     if modes < len(names):
         raise NotIdentifiable(
             names[modes:],
-            f"the motor feels {modes} modes, the rigid one included, and {len(names)} masses need "
-            "as many; the other poles have zeros within their precision beside them",
+            f"the motor's FRF has {modes} modes, the rigid one included, and {len(names)} masses "
+            "need as many; the other poles have zeros within their precision beside them",
         )
 
 

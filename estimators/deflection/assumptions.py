@@ -11,7 +11,7 @@ from robotmodels.elastic.robot import ElasticRobot
 
 @dataclass(frozen=True)
 class DeflectionAssumptions:
-    """What is taken for granted.
+    """Assumptions of a fit to deflections.
 
     Attributes
     ----------

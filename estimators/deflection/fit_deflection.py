@@ -34,7 +34,7 @@ _HALF_WIDTH = 3**-0.5  # standard deviation of a uniform distribution of half-wi
 
 @dataclass(frozen=True, eq=False)
 class DeflectionFit:
-    """What records with encoders on both sides of the gears tell.
+    """Estimates from records with encoders on both sides of the gears.
 
     Attributes
     ----------
@@ -354,7 +354,7 @@ def _file_payload(
     both = [np.isfinite(m.torque).all(axis=0) for m in movements if m.torque is not None]
     measured = np.flatnonzero(np.all([*both, movements[0].on_both_sides], axis=0))
     if not any(tells_weight(torques, int(j)) and moves(smooth, int(j), at) for j in measured):
-        raise InvalidInput(f"no motor torque tells the payload's weight: {remedy}")
+        raise InvalidInput(f"no motor torque shows the payload's weight: {remedy}")
     return None
 
 

@@ -36,7 +36,7 @@ SAME_COST = 1e-8
 
 @dataclass(frozen=True)
 class EarlyStop:
-    """Which searches are stopped early.
+    """Rule by which poor searches are stopped early.
 
     Every start is first searched for `evaluations`. A search that has not ended then, and whose
     cost exceeds `factor` times the least cost of all starts so far, is stopped there: its fit has

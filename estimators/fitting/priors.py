@@ -111,7 +111,9 @@ def _checked_correlation(matrix: Array, k: int) -> Array:
         )
     one = np.allclose(np.diag(array), 1.0, rtol=0, atol=1e-9)
     if not one or not np.allclose(array, array.T, rtol=0, atol=1e-9):
-        raise InvalidInput("prior.correlation: a symmetric matrix with ones on its diagonal is due")
+        raise InvalidInput(
+            "prior.correlation: a symmetric matrix with ones on its diagonal is needed"
+        )
     if np.linalg.eigvalsh(array)[0] <= 0:
         raise InvalidInput("prior.correlation: the matrix is not positive definite")
     return read_only(array)

@@ -45,7 +45,7 @@ def settled_runs(
     prior: Prior | None = None,
     **choice: Any,
 ) -> RunSpectra:
-    """Return spectra of runs whose noise and friction are what a fit leaves to them.
+    """Return spectra of runs with noise and friction estimated from a fit's residuals.
 
     Friction moves motors at lines that were not excited too, by the FRF that fits tell, and its
     course in turns takes a model, see `friction_shares`. So runs are read by the guesses, fitted,
@@ -181,7 +181,7 @@ def runs_at(
     near: bool = True,
     **choice: Any,
 ) -> RunSpectra:
-    """Return spectra of runs whose noise and friction are what `values` (p,) leave to them.
+    """Return spectra of runs with noise and friction estimated at the parameters `values` (p,).
 
     `near` is as in `run_spectra`; other parameters, and errors, as of `settled_runs`.
     """

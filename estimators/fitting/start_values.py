@@ -27,7 +27,7 @@ STARTS = ("physics", "chains")
 
 @dataclass(frozen=True, eq=False)
 class StartValues(ReprHtml):
-    """Rough values of parameters, and how rough.
+    """Start values of parameters, with their uncertainty.
 
     Attributes
     ----------

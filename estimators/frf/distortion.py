@@ -28,7 +28,7 @@ from robotmodels.records.records import Records
 
 @dataclass(frozen=True, eq=False)
 class Distortion:
-    """How uncertain FRFs are, why, and what the motors' motion holds between excited lines.
+    """Levels of noise and distortion of FRFs, and of the motors' motion between excited lines.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ def distortion(
     transient: Transient = "auto",
     lines: IntArray | None = None,
 ) -> Distortion:
-    """Return noise and distortion levels of the FRFs that `estimate_frf` finds.
+    """Return noise and distortion levels of the FRFs that `estimate_frf` estimates.
 
     Between excited lines the FRF is interpolated, see
     `estimators.frf.local_rational_model.interpolated`; as the torque is small there, so is the

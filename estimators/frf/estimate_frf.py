@@ -205,7 +205,7 @@ def usable_spectra(
     if n > E:
         raise InvalidInput(
             f"{who}: {E} of {n} runs a block, one for each motor; they are needed, or "
-            "estimators.local_frf (oed frf --local), which borrows from neighbouring lines, or a "
+            "estimators.local_frf (oed frf --local), which uses neighbouring lines too, or a "
             "fit to the runs themselves (oed identify)"
         )
     if n < E and method not in SUMMING:

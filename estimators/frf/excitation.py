@@ -30,7 +30,7 @@ LOCAL = "local"
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """How well the torques of records tell the motors apart.
+    """Rank and conditioning of the torques of records at each line.
 
     Attributes
     ----------

@@ -71,7 +71,7 @@ SAME_LINE = 1e-9
 @renamed_attributes("0.2", noise_known="has_degrees_of_freedom")
 @dataclass(frozen=True, eq=False)
 class FrfEstimate(ReprHtml):
-    """FRF estimates in Q positions at F frequencies, and how far to trust them.
+    """FRF estimates in Q positions at F frequencies, with the covariance of their errors.
 
     Attributes
     ----------

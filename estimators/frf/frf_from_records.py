@@ -238,7 +238,7 @@ def _check_local(source: "_Source", lines: int) -> None:
         raise InvalidInput(
             f"{source.path}: {runs} of {n} runs a block, and a local model would span "
             f"{width} of {lines} lines; fit the runs themselves (oed identify), measure more runs "
-            "or lines, or insist (oed frf --local)"
+            "or lines, or force it (oed frf --local)"
         )
 
 

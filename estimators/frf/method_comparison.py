@@ -155,7 +155,7 @@ def measured_loop(
 
 @dataclass(frozen=True, eq=False)
 class MethodComparison:
-    """How estimators fared on many simulated runs of one loop.
+    """Errors of FRF estimators over many simulated runs of one loop.
 
     Attributes
     ----------

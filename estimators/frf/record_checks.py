@@ -149,7 +149,7 @@ _DEGREES = 12  # pool neighbouring lines until a variance rests on at least so m
 
 @dataclass(frozen=True, eq=False)
 class Settling:
-    """How each period compares with the later ones.
+    """Differences of each period from the later ones.
 
     Attributes
     ----------

@@ -39,7 +39,7 @@ _ASYMMETRY = np.log(1.5)
 
 @dataclass(frozen=True, eq=False)
 class RigidLimit:
-    """Measured FRFs against what no spring can change.
+    """Measured FRFs against the rigid-body limit at low frequencies.
 
     Attributes
     ----------

@@ -71,7 +71,7 @@ def friction_shares(
     n = records.torque.shape[-1]
     if records.angle.shape[-1] < n or not (records.derivatives[:n] == 2).all():
         raise InvalidInput(
-            f"friction: the first {n} outputs must be the motors' angles, which tell its course"
+            f"friction: the first {n} outputs must be the motors' angles, which show its course"
         )
     widths = _widths(model, n)
     shares, resting = np.full(records.torque.shape, np.nan), []

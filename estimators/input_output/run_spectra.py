@@ -441,4 +441,4 @@ def _check_covariance(covariance: ComplexArray, omega: Array) -> None:
         at = omega[int(np.argmin(least))] / (2 * np.pi)
         raise InvalidInput(f"covariance: negative eigenvalues at {at:.4g} Hz")
     if not size.any(axis=-1).all():
-        raise InvalidInput("covariance: no noise at a line; declare what there is at least")
+        raise InvalidInput("covariance: no noise at a line; declare a positive variance")

@@ -21,7 +21,7 @@ BURN_IN_TIMES = 3.0
 
 @dataclass(frozen=True)
 class StoppingCriterion:
-    """When an ensemble has run long enough.
+    """Criterion by which an ensemble of walkers stops.
 
     Attributes
     ----------

@@ -292,5 +292,5 @@ def check_starts(density: LogPosterior, starts: Array) -> None:
         raise InvalidInput(
             f"starts: {wrong.sum()} of {len(flat)} walkers start without a finite cost, one at "
             f"{density.described(np.exp(flat[np.argmax(wrong)]))}; start closer to the fit, or "
-            "fix what the data do not tell"
+            "fix parameters that the data do not determine"
         )

@@ -32,7 +32,7 @@ _COPIES = 2  # of the chains, while they are joined
 
 @dataclass(frozen=True, eq=False)
 class Posterior(ReprHtml):
-    """Draws of ln theta, and whether to trust them.
+    """Posterior draws of ln theta, with diagnostics of their convergence.
 
     Attributes
     ----------

@@ -27,7 +27,7 @@ _PASSES = 4
 
 @dataclass(frozen=True, eq=False)
 class StructureStep:
-    """One step of a choice.
+    """One step of the selection of springs.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class StructureStep:
 
 @dataclass(frozen=True, eq=False)
 class StructureChoice(ReprHtml):
-    """The springs that data ask for beside those of a robot.
+    """Springs identified in addition to those of a robot, step by step.
 
     Attributes
     ----------
@@ -136,7 +136,7 @@ def choose_structure(
     most: int = 8,
     damping_times: Sequence[float] = DAMPING_TIMES,
 ) -> StructureChoice:
-    """Return the springs that the data ask for beside those of a fitted robot.
+    """Return the springs that significantly improve a fitted robot, selected step by step.
 
     Parameters
     ----------

@@ -83,7 +83,7 @@ def structure_power(
     level: float = 0.01,
     damping_times: Sequence[float] = DAMPING_TIMES,
 ) -> tuple[StructurePower, ...]:
-    """Return what data like those of a fit tell of springs of assumed stiffness and damping.
+    """Return the power of data like those of a fit to identify springs of assumed values.
 
     Of the fit's data only positions, lines, weights and inputs count; of simulated data, the plan.
 

@@ -19,7 +19,7 @@ _LEVEL = 0.95
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """The test of one thing that a fitted robot may lack.
+    """Score test of one element, such as a spring, that a fitted robot may lack.
 
     Attributes
     ----------

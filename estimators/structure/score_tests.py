@@ -49,7 +49,7 @@ def score_tests(
     damping_times: Sequence[float] = DAMPING_TIMES,
     numbers: bool = True,
 ) -> ScoreTable:
-    """Return score tests of what a fitted robot may lack, the strongest evidence first.
+    """Return score tests of elements that a fitted robot may lack, strongest evidence first.
 
     Noise counts as the data state it: it is not enlarged where residuals are too large, as a spring
     that is missing makes them so.

@@ -43,7 +43,7 @@ class Advice:
 
 @dataclass(frozen=True, eq=False)
 class Identifiability(ReprHtml):
-    """What an information matrix says about p parameters.
+    """Standard deviations and undetermined combinations of p parameters by their information.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ class Identifiability(ReprHtml):
 def identifiability(
     information: Array, names: Sequence[str], limit: float = LIMIT
 ) -> Identifiability:
-    """Return what an information matrix on ln theta, (p, p), does and does not tell.
+    """Return standard deviations and undetermined combinations by an information matrix (p, p).
 
     Parameters
     ----------

@@ -79,7 +79,7 @@ def best_additions(
 
 @dataclass(frozen=True, eq=False)
 class DesignOutcome:
-    """How a covariance that came out compares with the one that was predicted.
+    """Comparison of an estimated covariance with the predicted one.
 
     Attributes
     ----------

@@ -118,7 +118,7 @@ def cross_check(
     monte_carlo: "MonteCarlo | None" = None,
     multistart: Sequence[FittedModel] = (),
 ) -> CrossCheck:
-    """Return the recommended intervals beside what other methods say.
+    """Return the recommended intervals with those of other methods.
 
     Three kinds of evidence can refine the verdict of `Fit.verdict` to "not identifiable": a profile
     that is flat on a side, a posterior that reaches a bound of the fit, and other starts whose fits

@@ -20,7 +20,7 @@ LEVELS = np.linspace(0.05, 0.95, 19)
 
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """How measured FRFs, or outputs of runs, lie in their predicted bands.
+    """Coverage of measured FRFs, or outputs of runs, by their predicted bands.
 
     Attributes
     ----------

@@ -70,7 +70,7 @@ def predict_margins(
     level: float = 0.95,
     progress: Progress | None = None,
 ) -> MarginBand:
-    """Return what a fit says of a controller's margins in any positions.
+    """Return a fit's prediction of a controller's margins in any positions, with bands.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ from robotmodels.elastic.robot import ElasticRobot
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """A quantity in Q positions and how far to trust it, as far as the parameters go.
+    """A predicted quantity in Q positions, with its uncertainty due to the parameters.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ def predict(
     spread: Spread | None = None,
     level: float = 0.95,
 ) -> Prediction:
-    """Return what a fit says of a quantity in any positions, measured in or not.
+    """Return a fit's prediction of a quantity in any positions, with its band.
 
     Parameters
     ----------

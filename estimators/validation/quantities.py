@@ -27,7 +27,7 @@ from robotmodels.linear.response import Elastic, by_ln_theta
 
 
 class Quantity(Protocol):
-    """What is to be predicted."""
+    """Protocol of a quantity to predict."""
 
     def __call__(self, model: Elastic, positions: Array, parameters: Array) -> Array | ComplexArray:
         """Return the quantity in each position, (Q, ...); real ones above zero."""

@@ -19,7 +19,7 @@ def simulate_visits(
     visits: Sequence[Visit],
     progress: Progress | None = None,
 ) -> None:
-    """Simulate visits and keep their records, as if they had been told.
+    """Simulate visits and store their records, as `Campaign.tell` stores measured ones.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How far a campaign is."""
+"""Progress of a campaign: estimates, accuracy, minutes."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ State = Literal["begun", "identifying", "out of reach", "reached", "in doubt", "
 
 @dataclass(frozen=True, eq=False)
 class CampaignStatus:
-    """How far a campaign is.
+    """Progress of a campaign: estimates, accuracy, minutes.
 
     Attributes
     ----------

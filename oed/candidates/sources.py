@@ -159,7 +159,7 @@ def _number(cell: str) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Workcell:
-    """What keeps a robot from a position, in plain values.
+    """Obstacles and limits of a robot's cell, in plain values.
 
     Attributes
     ----------

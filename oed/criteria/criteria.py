@@ -20,7 +20,7 @@ from robotmodels.common.symmetric_matrices import ROUNDING, unit_diagonal_scalin
 
 @runtime_checkable
 class Criterion(Protocol):
-    """What a user wants of a design."""
+    """Protocol of a design criterion."""
 
     @property
     def name(self) -> str:

@@ -47,7 +47,7 @@ def by_name_or_kind(values: float | Mapping[str, float], names: Sequence[str], w
 
 @dataclass(frozen=True, eq=False)
 class TargetCriterion:
-    """The accuracy of all parameters together, in units of what is asked for each.
+    """The accuracy of all parameters together, in units of each one's target.
 
     Its value is the least of (target / standard deviation)^2, so that a plan of value one reaches
     every target, the last one exactly.

@@ -26,7 +26,7 @@ _NEGLIGIBLE = 1e-4
 
 @dataclass(frozen=True)
 class Binding:
-    """The limit that a visit meets first as its amplitude grows.
+    """The active limit of a visit: the first that it meets as its amplitude grows.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class Binding:
 
 @dataclass(frozen=True, eq=False)
 class Scaling:
-    """A plan inside its limits, and what keeps it from more.
+    """A plan with the largest amplitudes inside its limits, and the active limits.
 
     Attributes
     ----------

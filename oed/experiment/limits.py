@@ -27,7 +27,7 @@ _TORQUE, _POSITION, _RMS = (
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """What may not be exceeded; None for no limit.
+    """Limits of an experiment; None for no limit.
 
     Attributes
     ----------

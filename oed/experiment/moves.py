@@ -18,7 +18,7 @@ _SLACK = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class MoveLimits:
-    """What moves must respect, on the arm side [rad, rad/s, rad/s^2] or [m, ...].
+    """Limits of moves, on the arm side [rad, rad/s, rad/s^2] or [m, ...].
 
     Attributes
     ----------

@@ -24,7 +24,7 @@ from robotmodels.common.errors import InvalidInput, nearest
 
 @runtime_checkable
 class Excitation(Protocol):
-    """What motors do during a visit, such as `Orthogonal`."""
+    """Protocol of an excitation of the motors in a visit, such as `Orthogonal`."""
 
     @property
     def name(self) -> str:
@@ -260,7 +260,7 @@ def checked_excitations(
 
 @dataclass(frozen=True)
 class VisitTiming:
-    """How long a visit takes: a move, settling, and runs of a transient and whole periods.
+    """Durations of a visit: a move, settling, and runs of a transient and whole periods.
 
     Attributes
     ----------

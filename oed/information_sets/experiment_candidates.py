@@ -210,8 +210,8 @@ def experiment_candidates(
         raise InvalidInput("positions: none given; at least one candidate position is needed")
     if not hasattr(noise, "output_error"):
         raise InvalidInput(
-            f"noise: {type(noise).__name__} does not tell errors of torques from those of outputs; "
-            "an InputOutputNoise does"
+            f"noise: {type(noise).__name__} does not separate errors of torques from those of "
+            "outputs; an InputOutputNoise does"
         )
     omega, n = check_omega(omega), positions.shape[1]
     families = checked_excitations(excitations, n)

@@ -50,7 +50,7 @@ class MinimaReached:
 
 @dataclass(frozen=True)
 class Excitation:
-    """What was measured, and what fits of it came to.
+    """Excitation of an experiment, and the minima that fits to its data reached.
 
     Attributes
     ----------

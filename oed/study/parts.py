@@ -178,7 +178,7 @@ class Fits:
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """Which springs the data ask for.
+    """Springs selected by the data.
 
     Attributes
     ----------
@@ -239,7 +239,7 @@ class UncertaintyOfResult:
 
 @dataclass(frozen=True, eq=False)
 class RunRecord:
-    """How results came about.
+    """Record of a computation: failures, times and versions.
 
     Attributes
     ----------

@@ -74,7 +74,7 @@ class VisitDesignChoice(FileSection):
         if self.minutes is None and self.targets is None:
             raise ValueError("neither minutes nor targets given; one of them is needed")
         if self.targets is not None and "criterion" in self.model_fields_set:
-            raise ValueError("criterion: targets are one themselves; leave one of them out")
+            raise ValueError("criterion: targets define one; leave out one of the two")
         return self
 
 

@@ -121,7 +121,7 @@ def simulate(
         ),
     ],
     whole: Annotated[
-        bool, typer.Option("--whole", help="Go on until the campaign has ended.")
+        bool, typer.Option("--whole", help="Continue until the campaign has ended.")
     ] = False,
 ) -> None:
     """Carry out the open visits on a simulated robot.

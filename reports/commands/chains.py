@@ -26,7 +26,9 @@ def chains(
     position: Annotated[int, typer.Option(min=1, help="Position to use, from 1.")] = 1,
     motor_inertias: Annotated[
         str | None,
-        typer.Option(help="Of the motors, where a data sheet says them: 1.3e-3,1.3e-3,1.2e-3."),
+        typer.Option(
+            help="Inertias of the motors by their data sheet, in kg m^2: 1.3e-3,1.3e-3,1.2e-3."
+        ),
     ] = None,
     delay: Delay = 0.0,
     hold: Hold = True,

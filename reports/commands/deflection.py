@@ -25,7 +25,7 @@ def deflection(
     ],
     movements: Movements,
     payload: Annotated[
-        str, typer.Option(help="Where the payload's mass is from: torques or robot-file.")
+        str, typer.Option(help="Source of the payload's mass: torques or robot-file.")
     ] = "torques",
     low_pass: Annotated[float, typer.Option(help="Cut-off frequency of all signals [Hz].")] = 5.0,
     delays: Annotated[
@@ -33,7 +33,9 @@ def deflection(
     ] = True,
     check: Annotated[
         Path | None,
-        typer.Option(help="Other movements: which share of their deflections is explained."),
+        typer.Option(
+            help="Other movements to validate with: share of their deflections explained."
+        ),
     ] = None,
     output: Annotated[
         Path | None,

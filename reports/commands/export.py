@@ -43,8 +43,8 @@ def export(
     position: Annotated[
         list[str] | None,
         typer.Option(
-            help="One number per motor, in degrees (m if prismatic): 0,-90,90,0,45,0; several "
-            "times for several. Default: those of a study's plan; mid-range of a robot."
+            help="One number per motor, in degrees (m if prismatic): 0,-90,90,0,45,0; "
+            "repeatable. Default: those of a study's plan; mid-range of a robot."
         ),
     ] = None,
     draws: Annotated[
@@ -57,9 +57,10 @@ def export(
         ),
     ] = 0,
     seed: Annotated[
-        int | None, typer.Option(min=0, help="Of the draws; by default that of the study, or 0.")
+        int | None,
+        typer.Option(min=0, help="Seed of the draws; by default that of the study, or 0."),
     ] = None,
-    table_only: Annotated[bool, typer.Option(help="Of draws, write the table alone.")] = False,
+    table_only: Annotated[bool, typer.Option(help="With --draws: write only the table.")] = False,
     workers: Workers = WORKERS,
     as_json: AsJson = False,
 ) -> None:

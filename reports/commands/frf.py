@@ -32,13 +32,14 @@ def frf(
         str, typer.Option(help="total (from blocks) or noise (from periods, misses distortion).")
     ] = "total",
     structure: Annotated[
-        str, typer.Option(help="Of the covariance over the elements of an FRF: full or diagonal.")
+        str,
+        typer.Option(help="Structure of the covariance of an FRF's elements: full or diagonal."),
     ] = "full",
     local: Annotated[
         bool | None,
         typer.Option(
             "--local/--no-local",
-            help="Borrow from neighbouring lines; by default where there are fewer runs than "
+            help="Use neighbouring lines too (local model); default: if there are fewer runs than "
             "motors.",
         ),
     ] = None,
@@ -49,7 +50,7 @@ def frf(
     robot: Annotated[
         str | None,
         typer.Option(
-            help="Robot (name or file) whose linear model is shown beside.",
+            help="Robot (name or file) whose linear model is plotted too.",
             autocompletion=robot_names,
         ),
     ] = None,

@@ -37,9 +37,7 @@ def hammer(
             "order of the robot file, columns in that of the directions."
         ),
     ],
-    direction: Annotated[
-        list[str], typer.Option(help="Of the hits: 0,0,1; several times for several.")
-    ],
+    direction: Annotated[list[str], typer.Option(help="Direction of the hits: 0,0,1; repeatable.")],
     link: Annotated[
         str | None, typer.Option(help="Link that is hit; the last one by default.")
     ] = None,
@@ -47,7 +45,10 @@ def hammer(
     axes: Annotated[str, typer.Option(help="Axes of the directions: base or link.")] = "link",
     motors: Annotated[str, typer.Option(help="clamped (brakes) or free.")] = "clamped",
     alone: Annotated[
-        bool, typer.Option(help="Fit to the hits alone, whatever the robot file is sure of.")
+        bool,
+        typer.Option(
+            help="Fit to the hits alone: ignore the standard deviations in the robot file."
+        ),
     ] = False,
     output: Annotated[
         Path | None,
@@ -76,7 +77,7 @@ def hammer(
 
 
 def _prior(robot: "ElasticRobot") -> "Prior | None":
-    """Return what a robot file is sure of, None if it says nothing of that."""
+    """Return the estimates in a robot file with their standard deviations; None without any."""
     from estimators import robot_prior
 
     has_deviations = robot.file.fitted is not None or bool(robot.file.guessed)
@@ -116,9 +117,10 @@ def _summary(fit: "Fit", prior: "Prior | None", written: Path) -> str:
     from reports.sections.verdict import interval_words
     from reports.summaries.columns import hung, plain, plural
 
-    beside = "with nothing else"
+    beside = "alone"
     if prior is not None:
-        beside = f"with what the robot file is sure of ({plural(len(prior.names), 'parameter')})"
+        count = plural(len(prior.names), "parameter")
+        beside = f"with the standard deviations in the robot file ({count})"
     lines = [
         ("data", f"{plural(len(fit.problem.positions), 'position')}, {beside}"),
         ("fit", f"cost {fit.cost:.6g}, {'converged' if fit.converged else 'NOT converged'}"),

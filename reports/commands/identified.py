@@ -28,18 +28,20 @@ Source = Annotated[
 Position = Annotated[
     list[str] | None,
     typer.Option(
-        help="One number per motor, in degrees (m if prismatic): 0,-90,90,0,45,0; several times "
-        "for several. Default: those of a study's plan; mid-range of a robot."
+        help="One number per motor, in degrees (m if prismatic): 0,-90,90,0,45,0; "
+        "repeatable. Default: those of a study's plan; mid-range of a robot."
     ),
 ]
 Output = Annotated[
     Path | None,
     typer.Option("-o", "--output", help="Folder; by default that of the study, or this one."),
 ]
-Seed = Annotated[int, typer.Option(min=0, help="Of the draws.")]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of the draws.")]
 Map = Annotated[
     int,
-    typer.Option("--map", min=0, max=100_000, help="So many positions all over the joint ranges."),
+    typer.Option(
+        "--map", min=0, max=100_000, help="Number of positions, spread over the joint ranges."
+    ),
 ]
 
 

@@ -43,10 +43,10 @@ def identify(
         typer.Argument(help="Records: .h5, .mat or .csv; several files are fitted together."),
     ],
     noise: Annotated[
-        str, typer.Option(help="Where noise is seen: auto, blocks, periods or detection.")
+        str, typer.Option(help="Source of the noise estimate: auto, blocks, periods or detection.")
     ] = "auto",
     rows: Annotated[
-        str, typer.Option(help="Outputs weighed jointly or one by one: auto, joint or row_wise.")
+        str, typer.Option(help="Weighting of the outputs: auto, joint or row_wise.")
     ] = "auto",
     states: Annotated[
         str,
@@ -54,9 +54,9 @@ def identify(
             help="Of runs that do not end as they began: auto, yes (the model's), no, polynomial."
         ),
     ] = "auto",
-    starts: Annotated[int, typer.Option(min=1, max=10_000, help="Searches.")] = 4,
+    starts: Annotated[int, typer.Option(min=1, max=10_000, help="Number of starts.")] = 4,
     decades: Annotated[
-        float, typer.Option(min=0, max=2.9, help="Starts are off by 10^U(-decades, decades).")
+        float, typer.Option(min=0, max=2.9, help="Starts are perturbed by 10^U(-decades, decades).")
     ] = 0.3,
     coulomb: Annotated[
         bool, typer.Option(help="Count Coulomb friction as dampers at the speeds of the records.")
@@ -163,7 +163,9 @@ def _model(
     if not coulomb:
         return load_robot(name)
     if friction:
-        raise InvalidInput("--coulomb, --friction: friction is a damper or a level; take one")
+        raise InvalidInput(
+            "--coulomb, --friction: friction is modelled as a damper or as a level; give one"
+        )
     if len(records) > 1:
         raise InvalidInput(f"--coulomb: {len(records)} files of records; speeds of one are needed")
     counted = at_recorded_speeds(load_robot(name), records[0])

@@ -32,7 +32,9 @@ def import_log(
     ] = None,
     sample_time: Annotated[
         float | None,
-        typer.Option(min=1e-9, max=1e9, help="In s, where the log has no time; for a proposal."),
+        typer.Option(
+            min=1e-9, max=1e9, help="Sample time in s, if the log has no time; for a proposal."
+        ),
     ] = None,
     output: Annotated[
         Path, typer.Option("-o", "--output", help="Folder; by default the current one.")

@@ -28,15 +28,15 @@ def init(
     ] = None,
     argument: Annotated[
         list[str] | None,
-        typer.Option(help="Of a xacro file, NAME=VALUE; once for each."),
+        typer.Option(help="Argument of a xacro file, NAME=VALUE; repeatable."),
     ] = None,
     packages: Annotated[
         list[Path] | None,
-        typer.Option(help="Folder with packages that a xacro file or meshes need; once for each."),
+        typer.Option(help="Folder with packages that a xacro file or meshes need; repeatable."),
     ] = None,
     lock: Annotated[
         list[str] | None,
-        typer.Option(help="Joint held rigid, JOINT or JOINT=ANGLE in rad (m); once for each."),
+        typer.Option(help="Joint locked, JOINT or JOINT=ANGLE in rad (m); repeatable."),
     ] = None,
     base: Annotated[str | None, typer.Option(help="Link: only joints beyond it move.")] = None,
     tip: Annotated[str | None, typer.Option(help="Link: only joints before it move.")] = None,

@@ -41,7 +41,7 @@ def margins(
         ),
     ] = None,
     sample_time: Annotated[
-        float, typer.Option(min=1e-6, max=1.0, help="Of the default controller, in s.")
+        float, typer.Option(min=1e-6, max=1.0, help="Sample time of the default controller, in s.")
     ] = 1e-3,
     position: Position = None,
     spread: Map = 0,

@@ -35,7 +35,7 @@ def predict(
         str | None, typer.Option(help="LOW,HIGH or LOW,HIGH,COUNT in Hz, for responses to forces.")
     ] = None,
     motion: Annotated[
-        str, typer.Option(help="Of responses: displacement, velocity or acceleration.")
+        str, typer.Option(help="Quantity of the responses: displacement, velocity or acceleration.")
     ] = "displacement",
     motors: Annotated[
         str, typer.Option(help="clamped (brakes) or free, in responses and modes.")

@@ -28,7 +28,7 @@ def register(app: typer.Typer) -> None:
 
 
 def schema(
-    kind: Annotated[Kind, typer.Argument(help="Which kind of file.")] = Kind.STUDY,
+    kind: Annotated[Kind, typer.Argument(help="Kind of file.")] = Kind.STUDY,
 ) -> None:
     """Print the JSON Schema of a file, with which an editor completes and checks it.
 

@@ -23,7 +23,7 @@ def sensors(
     budget: Annotated[float, typer.Option(help="Largest sum of prices.", min=0.0)],
     price: Annotated[
         list[str] | None,
-        typer.Option(help="NAME=PRICE of an output of the robot file; 1 by default."),
+        typer.Option(help="Price of an output of the robot file, NAME=PRICE; 1 by default."),
     ] = None,
     workers: Workers = WORKERS,
     as_json: AsJson = False,

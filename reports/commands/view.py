@@ -29,7 +29,7 @@ def view(
             autocompletion=robot_names,
         ),
     ],
-    port: Annotated[int, typer.Option(min=1, max=65535, help="Of the page.")] = 8080,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="Port of the page.")] = 8080,
     workers: Workers = WORKERS,
 ) -> None:
     """Show a robot in the browser: positions, modes, FRFs; of a study its candidates and plan.

@@ -17,7 +17,7 @@ def write_report(
     progress: StageProgress | None = None,
     command: str = "",
 ) -> tuple[Failure, ...]:
-    """Write the report of a study as one HTML file; return what of it could not be made.
+    """Write the report of a study as one HTML file; return the parts that failed.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""The robot and its study in a browser, to turn, move and try out; needs the extra ``view``."""
+"""The interactive viewer of a robot and its study; needs the extra ``view``."""

@@ -49,7 +49,7 @@ class Candidates:
 
     def __init__(self, server: viser.ViserServer, view: View) -> None:
         self._server, self._view, self._clouds = server, view, []
-        self._points = view.tool_points(view.candidates)
+        self._points = view.candidate_points
         self._rejected: viser.PointCloudHandle | None = None
         if view.study is None:
             return

@@ -48,6 +48,13 @@ _BAND = 2 * np.pi * 2.0, 2 * np.pi * 80.0
 """Frequencies where no study names them [rad/s]."""
 SHOWN_REJECTED = 300
 """At most so many rejected positions are drawn."""
+_VIRIDIS = np.array(
+    [
+        *([68, 1, 84], [71, 45, 123], [59, 82, 139], [44, 114, 142], [33, 145, 140]),
+        *([40, 174, 128], [94, 201, 98], [173, 220, 48], [253, 231, 37]),
+    ]
+)
+"""That colour map, as matplotlib, whose import takes half a second, has it at nine points."""
 _WEIGHTLESS = 190, 195, 200
 _STEP = 1e-6  # of the deflection that scales a mode shape
 
@@ -84,7 +91,7 @@ class Pose:
 
 @dataclass(frozen=True)
 class Gain:
-    """What one more visit in a position would add to a plan.
+    """Gain of a plan by one more visit in a position.
 
     Attributes
     ----------
@@ -160,6 +167,11 @@ class View:
         placements = joint_placements(self.robot, unloaded(self.robot, np.asarray(positions)))
         return frame_points(self.robot, self.tool, placements)
 
+    @cached_property
+    def candidate_points(self) -> Array:
+        """Where the tool is in the candidates, (Q, 3) [m]."""
+        return self.tool_points(self.candidates)
+
     def position_at(self, point: Array, near: Array) -> Array | None:
         """Return a position (n,) near another with the tool at a point; None if out of reach."""
         return nearest_position(self.robot, Tool(self.tool.link, self.tool.at), point, near)
@@ -226,18 +238,17 @@ class View:
 
         Those without weight are grey by "weight".
         """
-        from matplotlib import colormaps
-
         if self.study is None:
             return np.empty((0, 3), dtype=np.uint8)
         design = self.study.plan.design
         numbers = design.weights if by == "weight" else design.sensitivity
         low, high = (0.0, numbers.max()) if by == "weight" else (numbers.min(), numbers.max())
         scaled = (numbers - low) / (high - low or 1.0)
-        colours = np.array(colormaps["viridis"](scaled, bytes=True)[:, :3])
+        steps = np.linspace(0, 1, len(_VIRIDIS))
+        colours = np.stack([np.interp(scaled, steps, one) for one in _VIRIDIS.T], axis=1)
         if by == "weight":
             colours[numbers <= 0] = _WEIGHTLESS
-        return colours
+        return colours.astype(np.uint8)
 
     @cached_property
     def workcell(self) -> Workcell:

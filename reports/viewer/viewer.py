@@ -67,7 +67,7 @@ class Viewer:
             self._show_candidates(server)
         self._tool = server.scene.add_transform_controls("/tool", 0.25, disable_rotations=True)
         self._tool.on_update(self._drag)
-        points = view.tool_points(np.vstack([view.candidates, start]))
+        points = np.vstack([view.candidate_points, view.tool_points(start[None])])
         low, high = np.minimum(points.min(axis=0), 0.0), np.maximum(points.max(axis=0), 0.0)
         camera, middle = server.initial_camera, (low + high) / 2
         camera.look_at, camera.position = middle, middle + np.linalg.norm(high - low) * _CAMERA

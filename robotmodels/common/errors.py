@@ -8,11 +8,11 @@ _MOST_COMBINATIONS = 3  # that an error spells out
 
 
 class IdentificationError(Exception):
-    """Root of every error this package raises for a reason a user can mend."""
+    """Base class of all errors that a user can correct."""
 
 
 class IdentificationWarning(UserWarning):
-    """Something in the data that a user should know of, though an answer can be given."""
+    """Base class of warnings about data and results that are computed nevertheless."""
 
 
 class InvalidInput(IdentificationError):

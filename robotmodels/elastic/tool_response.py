@@ -89,7 +89,7 @@ def underlying_robot(model: Elastic) -> ElasticRobot:
         model = model.model
     if not isinstance(model, ElasticRobot):
         raise InvalidInput(
-            f"robot: the model is a {type(model).__name__}; only a robot of a robot file will do"
+            f"robot: the model is a {type(model).__name__}; a robot of a robot file is needed"
         )
     return model
 
@@ -144,7 +144,9 @@ class ToolModel:
             If a frequency is not positive, or the motion of clamped motors is asked for.
         """
         if at == "motors" and motors == "clamped":
-            raise InvalidInput("tool response: clamped motors do not move; free them for theirs")
+            raise InvalidInput(
+                "tool response: clamped motors do not move; set motors to free for their responses"
+            )
         w = check_omega(omega)
         A = self.model.dynamic_stiffness(w)
         output = self.jacobian if at == "frame" else self.model.selector.T

@@ -20,7 +20,7 @@ from robotmodels.records.rms_speeds import rms_speeds
 
 
 def with_values(robot: ElasticRobot, values: Array, fitted: Fitted | None = None) -> ElasticRobot:
-    """Return the robot whose file has other values of the free parameters, none of them a guess.
+    """Return the robot with other values of its free parameters, none of them marked as a guess.
 
     Parameters
     ----------

@@ -353,8 +353,8 @@ def check_complete(network: SpringNetwork) -> None:
     """
     if network.outside:
         raise InvalidInput(
-            f"free parameters {', '.join(network.outside)}: the kernel knows springs, dampers and "
-            "single inertias only; use robotmodels.sensitivity"
+            f"free parameters {', '.join(network.outside)}: the kernel supports springs, dampers "
+            "and single inertias only; use robotmodels.sensitivity"
         )
 
 

@@ -66,7 +66,7 @@ def chain_response(
 
 
 def constrained_response(response: ComplexArray, omega: Array, gains: Array) -> ComplexArray:
-    """Return what FRFs (F, M, M) of free chains become under position controllers.
+    """Return the FRFs (F, M, M) of chains under position controllers from those of free chains.
 
     With theta = -G tau/omega^2 and tau = u - K_R theta: (1 - G K_R/omega^2)^-1 G, so nobody need
     close these loops to get what conditions (4) and (9) ask for.

@@ -14,7 +14,7 @@ from robotmodels.linear.spring_network import SpringNetwork
 
 @dataclass(frozen=True, eq=False)
 class WithParameters:
-    """An elastic system with other nominal parameter values: a robot as it might be.
+    """An elastic system with other nominal parameter values.
 
     Attributes
     ----------

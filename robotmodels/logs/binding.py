@@ -289,5 +289,7 @@ def _mixing(mapping: Mapping, joints: Sequence[str], where: str) -> Array:
                     raise InvalidInput(f"{where}: couplings: {name!r} is no joint of the log")
             matrix[list(joints).index(row), list(joints).index(column)] += share
     if len(matrix) and np.linalg.cond(matrix) > 1e6:
-        raise InvalidInput(f"{where}: couplings: the motors would not tell the joints apart")
+        raise InvalidInput(
+            f"{where}: couplings: a singular matrix; motors must determine the joints"
+        )
     return np.asarray(np.linalg.inv(matrix), dtype=float)

@@ -133,7 +133,7 @@ def table_clock(log: Log, table: Table, choice: TimeChoice) -> Clock:
     sample_time = choice.sample_time or table.sample_time or _stated(log)
     if sample_time is None:
         raise InvalidInput(
-            f"{where}: no channel tells the time (such as t or time), no sample time is stated; "
+            f"{where}: no channel has time stamps (such as t or time), no sample time is stated; "
             "time: {sample_time: ...} [s] or {column: ...} in the mapping is needed"
         )
     first, all_rows = np.zeros(1, dtype=int), np.array([table.rows])

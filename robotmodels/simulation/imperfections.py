@@ -11,7 +11,7 @@ from robotmodels.common.errors import InvalidInput
 
 @dataclass(frozen=True)
 class Imperfections:
-    """What makes a simulated robot unlike its linear model; values per motor or one for all.
+    """Differences of a simulated robot from its linear model; values per motor or one for all.
 
     Attributes
     ----------

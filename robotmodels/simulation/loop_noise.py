@@ -153,7 +153,7 @@ class ClosedLoopNoise:
                 "that for each position, is needed"
             )
         if not reference.shape[-1]:
-            raise InvalidInput("reference: no run a block; one at least is needed")
+            raise InvalidInput("reference: no run in a block; at least one is needed")
         if self.samples < 1 or self.averages < 1:
             raise InvalidInput(f"samples {self.samples} and averages {self.averages} must be >= 1")
         if self.periods < 1 or self.averages % self.periods:

@@ -176,7 +176,7 @@ def test_a_fit_of_no_robot_has_none(fit: estimators.Fit) -> None:
 
     start = WithParameters(fit.model, fit.parameters.values * 1.1)
     assert replace(fit, model=start).robot(fit.trust).name == "manutec_r3"
-    with pytest.raises(InvalidInput, match="only a robot of a robot file will do"):
+    with pytest.raises(InvalidInput, match="a robot of a robot file is needed"):
         replace(fit, model=object()).robot(fit.trust)
 
 

@@ -271,7 +271,7 @@ def test_a_log_without_angles_or_time(tmp_path, robot):
         propose_mapping(log, robot)
     path = written(tmp_path / "b.csv", ["q1", "q2"], np.random.default_rng(1).random((2, 30)))
     with open_log(path) as log:
-        with pytest.raises(InvalidInput, match="no channel tells the time"):
+        with pytest.raises(InvalidInput, match="no channel has time stamps"):
             propose_mapping(log)
         proposal = propose_mapping(log, None, TimeChoice(sample_time=0.01))
         assert proposal.mapping.time.sample_time == 0.01

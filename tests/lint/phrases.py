@@ -29,7 +29,19 @@ PHRASES = {
     r"\bask for less\b": "relax",
     r"\b(tell|told) apart\b": "distinguish",
     r"\bbeats?\b|\bbeaten\b": "is better than",
+    r"\bpromis(e|es|ed)\b": "predicted, expected",
+    r"\bhardly (tells?|told|felt|feels?)\b": "hardly determined, weakly excited",
+    r"\b(would|do|does|data) not tell\b": "not determine, not identify",
+    r"\btells? the (time|payload)\b": "shows, has",
+    r"\bis due\b|\bwill do\b": "is needed",
+    r"\bborrows? from\b": "uses too",
+    r"\bthe motor feels\b": "the motor's FRF has",
+    r"\bare sure of\b|\bis sure of\b": "standard deviations",
+    r"\bonce for each\b|\bseveral times for several\b": "repeatable",
+    r"\bSo many\b": "Number of",
 }
+FIRST = re.compile(r"(How|What|When|Which)\b")
+"""How no docstring of a public name begins: it names the thing."""
 PUBLIC = re.compile(r"tell_apart")
 """Names of keys, files and extras, which stay."""
 
@@ -46,10 +58,26 @@ def faults(root: Path) -> Iterator[str]:
     for path in sorted(root.glob("reports/templates/*.j2")):
         yield from _in_text(path.relative_to(root), 1, path.read_text(encoding="utf-8"))
     for package in ("robotmodels", "estimators", "oed", "reports"):
+        public = _public(root / package)
         for path in sorted((root / package).rglob("*.py")):
             tree = ast.parse(path.read_text(encoding="utf-8"))
-            for line, text in _texts(tree):
+            yield from _unnamed(path.relative_to(root), tree, public)
+            for line, text in _texts(tree):  # which removes docstrings
                 yield from _in_text(path.relative_to(root), line, text)
+
+
+def _public(package: Path) -> set[str]:
+    """Return the public names of a package."""
+    stub = package / "__init__.pyi"
+    return set(re.findall(r" as (\w+)", stub.read_text("utf-8"))) if stub.exists() else set()
+
+
+def _unnamed(path: Path, tree: ast.AST, public: set[str]) -> Iterator[str]:
+    """Yield a line for each docstring of a public name that does not name the thing."""
+    for node in ast.walk(tree):
+        named = isinstance(node, (ast.ClassDef, ast.FunctionDef)) and node.name in public
+        if named and FIRST.match(first := ast.get_docstring(node) or ""):
+            yield f"{path}:{node.lineno}: {first.splitlines()[0]!r}; name the thing"
 
 
 def _in_text(path: Path, line: int, text: str) -> Iterator[str]:

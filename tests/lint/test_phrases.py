@@ -34,5 +34,13 @@ def test_a_phrase_is_found(tmp_path, name, text):
     assert "the field says" in line
 
 
+def test_docstrings_of_public_names_name_the_thing(tmp_path):
+    (tmp_path / "oed").mkdir()
+    (tmp_path / "oed" / "__init__.pyi").write_text("from oed.a import A as A, B as B\n")
+    text = 'class A:\n    """What it is."""\n\n\nclass C:\n    """What it is."""\n'
+    [line] = lines_of(tmp_path, text, "oed/a.py")
+    assert line.startswith("oed/a.py:1")
+
+
 def test_docstrings_and_names_are_left_alone(tmp_path):
     assert lines_of(tmp_path, HEAD + 'KEY = "one of tell_apart"\n') == []

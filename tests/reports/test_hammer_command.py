@@ -52,7 +52,7 @@ def test_informations_of_both_add_up(before, monkeypatch, capsys) -> None:
     for words in ((), ("--alone",)):
         code, out, err = oed(monkeypatch, capsys, "robot.yaml", "hits.h5", *OPTIONS, *words)
         assert (code, err) == (0, "")
-        assert ("with nothing else" in out) == bool(words)
+        assert ("3 positions, alone" in out) == bool(words)
         robot = load_robot("two joints_identified.yaml")
         stds.append([robot.file.fitted.relative_std[name] for name in robot.parameters.names])
         z = np.log(robot.parameters.values / ROBOT.parameters.values) / stds[-1]

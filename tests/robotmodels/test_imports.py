@@ -240,7 +240,7 @@ def test_counter_iso_stamps_and_sample_time(tmp_path):
         (movement,), _ = imported(path, signals=[ANGLE], time=time)
         assert movement.sample_time == pytest.approx(STEP)
         assert len(movement) == N
-    with pytest.raises(InvalidInput, match="no channel tells the time"):
+    with pytest.raises(InvalidInput, match="no channel has time stamps"):
         imported(path, signals=[ANGLE])
 
 

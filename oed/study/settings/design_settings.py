@@ -81,7 +81,7 @@ class GroupChoice(FileSection):
 
 
 class PurposeChoice(FileSection):
-    """What is to be predicted, and where."""
+    """Quantity to predict, and positions."""
 
     quantity: Literal["tool_compliance", "resonances", "damping_ratios"]
     link: str | None = None

@@ -18,7 +18,7 @@ from robotmodels.elastic.possible_springs import possible_springs, spring_positi
 
 @dataclass(frozen=True)
 class AssumedSprings:
-    """What data will tell of springs that the robot may have.
+    """Power of the data to identify springs that the robot may have.
 
     Attributes
     ----------
