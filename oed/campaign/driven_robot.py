@@ -58,13 +58,12 @@ def driven_by(plan: ExperimentPlan, robot: ElasticRobot, controller: Controller)
     """
     if not any(motor.coulomb for motor in robot.file.motors):
         return robot
-    sine = plan.multisine
-    R = plan.scale[0] * sine.spectrum(plan.phases[0])[0, ..., : plan.runs] * (2 / sine.samples)
+    omega, R = plan.multisine.omega, plan.amplitudes(0)
     slow = 0.0 if plan.carrier is None else _carrier_speeds(plan, robot, controller)
     now, least = robot, np.zeros(len(plan.motors))
     for _ in range(_STEPS):
-        loop = closed_loop(now.network(plan.visited[:1]), sine.omega, controller)
-        speeds = np.hypot(rms_speeds(loop.angle[0] @ R, sine.omega), slow)
+        loop = closed_loop(now.network(plan.visited[:1]), omega, controller)
+        speeds = np.hypot(rms_speeds(loop.angle[0] @ R, omega), slow)
         least = least if least.any() else _SLOWEST * speeds
         now = driven(robot, np.maximum(speeds, least))
     return now

@@ -167,10 +167,9 @@ def visit_spectrum(
     plan: ExperimentPlan, robot: ElasticRobot, controller: Controller
 ) -> ComplexArray:
     """Return Phi of the first visit's torques less friction by the loop, (F, n, n) [N^2 m^2]."""
-    sine, rubbing = plan.multisine, driven_by(plan, robot, controller)
-    loop = closed_loop(rubbing.network(plan.visited[:1]), sine.omega, controller)
-    R = plan.scale[0] * sine.spectrum(plan.phases[0])[0, ..., : plan.runs]
-    U = net_torques(loop, sine.omega, robot, rubbing) @ R * (np.sqrt(2) / sine.samples)
+    omega, rubbing = plan.multisine.omega, driven_by(plan, robot, controller)
+    loop = closed_loop(rubbing.network(plan.visited[:1]), omega, controller)
+    U = net_torques(loop, omega, robot, rubbing) @ plan.amplitudes(0) / np.sqrt(2)
     return np.asarray(U @ np.conj(np.swapaxes(U, 1, 2)))
 
 

@@ -13,7 +13,14 @@ from oed.experiment.multisine import Multisine
 from oed.experiment.plan_document import plan_arguments, plan_document
 from oed.experiment.plan_files import read_plan, write_plan
 from oed.experiment.visiting_order import VisitingOrder
-from robotmodels.common.arrays import Array, IntArray, check_above_zero, check_count, read_only
+from robotmodels.common.arrays import (
+    Array,
+    ComplexArray,
+    IntArray,
+    check_above_zero,
+    check_count,
+    read_only,
+)
 from robotmodels.common.errors import InvalidInput
 
 FALL = 0.25
@@ -142,6 +149,14 @@ class ExperimentPlan:
         carrier, q = self.carrier, int(self.visits[visit])
         slow = 0.0 if carrier is None else carrier.reference(q, self.multisine)
         return np.asarray(self.scale[visit] * signals + slow)
+
+    def amplitudes(self, visit: int) -> ComplexArray:
+        """Return complex amplitudes of the first block's signals, (F, n, E) [rad/s, motor shaft].
+
+        The carrier is not in them.
+        """
+        spectrum = self.multisine.spectrum(self.phases[visit][:1])[0, ..., : self.runs]
+        return np.asarray(2 / self.multisine.samples * self.scale[visit] * spectrum)
 
     @property
     def envelope(self) -> Array:
