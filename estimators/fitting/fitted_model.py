@@ -12,7 +12,7 @@ from estimators.fitting.priors import Prior
 from estimators.trust.intervals import Interval, Verdict
 from estimators.trust.linearised_fit import LinearisedFit
 from estimators.trust.trust import Trust
-from robotmodels.common.arrays import Array
+from robotmodels.common.arrays import Array, read_only
 from robotmodels.common.errors import SolverFailed
 from robotmodels.common.printing import ReprHtml
 from robotmodels.description.parameters import Parameters
@@ -127,8 +127,13 @@ class FittedModel(ReprHtml, ABC):
         SolverFailed
             If the search could not begin.
         """
+        return self._sandwich_parts
+
+    @cached_property
+    def _sandwich_parts(self) -> tuple[Array, Array]:
         self._check_begun("covariance")
-        return self.problem.sandwich_parts(self.parameters.values)
+        bread, meat = self.problem.sandwich_parts(self.parameters.values)
+        return read_only(bread), read_only(meat)
 
     def intervals(self) -> tuple[Interval, ...]:
         """Return the recommended 95 % interval of each parameter, in SI units."""

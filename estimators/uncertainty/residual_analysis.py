@@ -79,7 +79,9 @@ class ResidualAnalysis(ReprHtml):
         return "\n".join(lines)
 
 
-def residual_analysis(fit: FittedModel, lags: int = LAGS) -> ResidualAnalysis:
+def residual_analysis(
+    fit: FittedModel, lags: int = LAGS, linear: LinearisedFit | None = None
+) -> ResidualAnalysis:
     """Return what a fit leaves unexplained, in units of the noise.
 
     Whatever the fit's weights, its residuals are judged by the noise of the estimate, with the
@@ -89,6 +91,8 @@ def residual_analysis(fit: FittedModel, lags: int = LAGS) -> ResidualAnalysis:
     ----------
     lags : int
         Neighbouring frequencies over which the autocorrelation is reported.
+    linear : LinearisedFit, optional
+        What `fit.linearise` returns, where the caller has it.
 
     Raises
     ------
@@ -103,7 +107,7 @@ def residual_analysis(fit: FittedModel, lags: int = LAGS) -> ResidualAnalysis:
     frequencies = len(problem.omega)
     if not 1 <= lags < max(frequencies, 2):  # a single line has no neighbour
         raise InvalidInput(f"lags: {lags} for {frequencies} frequencies; 1 to F - 1 are possible")
-    linear = fit.linearise()
+    linear = linear or fit.linearise()
     if linear.data <= len(linear.names):
         raise InvalidInput(
             f"residuals: {linear.data} data for {len(linear.names)} parameters leave none"

@@ -1,5 +1,6 @@
 """All that a fit says of a tool: compliance, modes and, on request, responses, with bands."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -15,16 +16,18 @@ from estimators.validation.quantities import (
     ToolCompliance,
     ToolResponse,
 )
-from robotmodels.common.arrays import Array, real_numbers
+from robotmodels.common.arrays import Array, ComplexArray, real_numbers
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.elastic.tool_response import (
     Frame,
     Motion,
+    ToolModel,
     compliance_ellipsoid,
     tool_frame,
     tool_model,
     underlying_robot,
 )
+from robotmodels.linear.linear_model import LinearModel
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,20 +112,35 @@ def predict_tool(
     spread = recommended_uncertainty(source) if spread is None else spread
     at = np.atleast_2d(real_numbers(positions, "positions"))
     frame = frame or tool_frame(underlying_robot(model))
-    tool = tool_model(model, at, frame, np.asarray(source.parameters.values))
+    tools: dict[bytes, ToolModel] = {}
 
-    def band(quantity: ToolCompliance | ToolResponse | Resonances | DampingRatios) -> Prediction:
-        return predict(source, quantity, at, spread=spread, level=level)
+    def tool_at(theta: Array) -> ToolModel:
+        """Return the linear models at parameters, which all quantities share."""
+        if theta.tobytes() not in tools:
+            tools[theta.tobytes()] = tool_model(model, at, frame, theta)
+        return tools[theta.tobytes()]
+
+    def linear_at(theta: Array) -> LinearModel:
+        if isinstance(model, ElasticRobot):
+            return tool_at(theta).model
+        return model.network(at, theta).linear_model()
+
+    def band(quantity: Callable[[Array], Array | ComplexArray]) -> Prediction:
+        return predict(source, lambda _, __, theta: quantity(theta), at, spread=spread, level=level)
+
+    tool = tool_at(np.asarray(source.parameters.values))
+    resonances, damping = Resonances(modes, motors), DampingRatios(modes, motors)
+    response = None if omega is None else ToolResponse(omega, frame, motion, motors)
 
     return ToolPrediction(
         frame=frame,
         points=tool.point,
-        compliance=band(ToolCompliance(frame)),
+        compliance=band(lambda theta: ToolCompliance(frame).of(tool_at(theta))),
         directions=compliance_ellipsoid(tool.compliance()).directions,
-        resonances=band(Resonances(modes, motors)),
-        damping=band(DampingRatios(modes, motors)),
+        resonances=band(lambda theta: resonances.of(linear_at(theta))),
+        damping=band(lambda theta: damping.of(linear_at(theta))),
         omega=np.empty(0) if omega is None else omega,
-        response=None if omega is None else band(ToolResponse(omega, frame, motion, motors)),
+        response=None if response is None else band(lambda theta: response.of(tool_at(theta))),
         motion=motion,
         motors=motors,
     )

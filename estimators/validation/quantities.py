@@ -16,6 +16,7 @@ from robotmodels.elastic.tool_response import (
     Frame,
     Motion,
     Motors,
+    ToolModel,
     compliance_ellipsoid,
     tool_frame,
     tool_model,
@@ -52,7 +53,11 @@ class ToolCompliance:
     def __call__(self, model: Elastic, positions: Array, parameters: Array) -> Array:
         """Return compliances, (Q, 3), or (Q, 1) along a direction [m/N]."""
         frame = self.frame or tool_frame(underlying_robot(model))
-        compliance = tool_model(model, positions, frame, parameters).compliance()
+        return self.of(tool_model(model, positions, frame, parameters))
+
+    def of(self, tool: ToolModel) -> Array:
+        """Return the compliances of a linear model."""
+        compliance = tool.compliance()
         if self.direction is None:
             return compliance_ellipsoid(compliance).values
         unit = unit_vector(self.direction)
@@ -86,7 +91,10 @@ class ToolResponse:
     def __call__(self, model: Elastic, positions: Array, parameters: Array) -> ComplexArray:
         """Return responses to forces along and torques about x, y, z, (Q, F, 6 or n, 6)."""
         frame = self.frame or tool_frame(underlying_robot(model))
-        tool = tool_model(model, positions, frame, parameters)
+        return self.of(tool_model(model, positions, frame, parameters))
+
+    def of(self, tool: ToolModel) -> ComplexArray:
+        """Return the responses of a linear model."""
         return tool.response(self.omega, self.motion, self.motors, self.at)
 
 
@@ -107,8 +115,11 @@ class Resonances:
 
     def __call__(self, model: Elastic, positions: Array, parameters: Array) -> Array:
         """Return angular frequencies, (Q, count) [rad/s]."""
-        linear = _linear_model(model, positions, parameters, self.motors)
-        return resonances(linear).frequencies[:, : self.count]
+        return self.of(model.network(positions, parameters).linear_model())
+
+    def of(self, linear: LinearModel) -> Array:
+        """Return the resonances of a linear model with free motors."""
+        return resonances(_with_motors(linear, self.motors)).frequencies[:, : self.count]
 
 
 @dataclass(frozen=True)
@@ -128,7 +139,11 @@ class DampingRatios:
 
     def __call__(self, model: Elastic, positions: Array, parameters: Array) -> Array:
         """Return damping ratios, (Q, count) [-]; not a number where fewer modes oscillate."""
-        linear = _linear_model(model, positions, parameters, self.motors)
+        return self.of(model.network(positions, parameters).linear_model())
+
+    def of(self, linear: LinearModel) -> Array:
+        """Return the damping ratios of a linear model with free motors."""
+        linear = _with_motors(linear, self.motors)
         rows = np.full((len(linear.mass), self.count), np.nan)
         for i, row in enumerate(rows):
             modes = damped_modes(linear.at(i))
@@ -137,8 +152,7 @@ class DampingRatios:
         return rows
 
 
-def _linear_model(model: Elastic, positions: Array, parameters: Array, motors: str) -> LinearModel:
-    linear = model.network(positions, parameters).linear_model()
+def _with_motors(linear: LinearModel, motors: str) -> LinearModel:
     if motors not in ("clamped", "free"):
         raise InvalidInput(f"motors {motors!r}: clamped or free is needed")
     return clamped(linear) if motors == "clamped" else linear

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.uncertainty.identifiability import fit_information
 from estimators.uncertainty.next_measurements import best_additions
 from oed.study.results import FittedStudy, PlannedStudy
 from robotmodels.common.arrays import Array
@@ -105,7 +104,7 @@ def _more_measurements(results: FittedStudy) -> NextStep:
 
 def _best_repeated(results: FittedStudy, names: list[str]) -> tuple[tuple[int, ...], float]:
     """Return positions whose repetition helps `names` most, each after the one before it."""
-    plan, information = results.plan, fit_information(results.fits.result)
+    plan, information = results.plan, results.fits.information
     visits: Array = plan.visit_share * np.asarray(plan.information.take(plan.used))
     positions, gain = set[int](), 1.0
     for _ in range(_REPEATED):

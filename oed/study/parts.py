@@ -13,9 +13,11 @@ from estimators.sampling.profile_likelihood import Profile
 from estimators.structure.choose_structure import StructureChoice
 from estimators.structure.power import StructurePower
 from estimators.structure.score_table import ScoreTable
+from estimators.trust.linearised_fit import LinearisedFit
 from estimators.uncertainty.covariance import Uncertainty
 from estimators.uncertainty.identifiability import Identifiability, fit_information, identifiability
 from estimators.uncertainty.residual_analysis import LAGS, ResidualAnalysis, residual_analysis
+from estimators.uncertainty.standardised_residuals import standardised_residuals
 from estimators.validation.cross_check import CrossCheck
 from oed.candidates.screening import ScreenedCandidates
 from oed.design.design import Design
@@ -162,7 +164,12 @@ class Fits:
     def residuals(self) -> ResidualAnalysis:
         """What the result leaves unexplained."""
         lines = len(self.result.problem.omega)
-        return residual_analysis(self.result, max(min(LAGS, lines - 1), 1))
+        return residual_analysis(self.result, max(min(LAGS, lines - 1), 1), self._linear)
+
+    @cached_property
+    def standardised(self) -> Array:
+        """Residuals over their standard deviations, see `standardised_residuals`."""
+        return standardised_residuals(self.result, self._linear)
 
     def best_cost(self, name: str) -> float:
         """Return the best cost of an estimator; the result's where that is the same cost."""
@@ -171,9 +178,18 @@ class Fits:
         return min(search.runs[0].cost, self.result.cost if same else np.inf)
 
     @cached_property
+    def information(self) -> Array:
+        """Information of the data on ln theta at the result, (p, p)."""
+        return fit_information(self.result, self._linear)
+
+    @cached_property
+    def _linear(self) -> LinearisedFit:
+        return self.result.linearise()
+
+    @cached_property
     def identifiability(self) -> Identifiability:
         """Which combinations of parameters the data tell least."""
-        return identifiability(fit_information(self.result), self.result.parameters.names)
+        return identifiability(self.information, self.result.parameters.names)
 
 
 @dataclass(frozen=True, eq=False)

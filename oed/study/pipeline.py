@@ -4,7 +4,7 @@ Each function goes one step further than the one before, and stores what it comp
 the same process or another, goes on from there.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import TypeVar
@@ -21,9 +21,9 @@ from oed.study.parts import Fits, RunRecord, Structure, UncertaintyOfResult
 from oed.study.results import FittedStudy, PlannedStudy, StudyResults
 from oed.study.settings.study_file import Study
 from oed.study.sources import MeasuredStudy, SimulatedDesign, SimulatedStudy
-from oed.study.stage_cache import Stage, Stages, versions
+from oed.study.stage_cache import Beside, Stage, Stages, versions
 from oed.study.stages.assumed_springs import powers_of_alternatives
-from oed.study.stages.cross_check import CrossCheckInputs, cross_check
+from oed.study.stages.cross_check import CrossCheckInputs, cross_check, importance_ahead
 from oed.study.stages.fit import Search, fit
 from oed.study.stages.posterior import check_posterior, cost_posterior, posterior, stored_posterior
 from oed.study.stages.profiles import profiles
@@ -154,24 +154,22 @@ def run_study(
 
 
 def _results(
-    source: SimulatedStudy | MeasuredStudy, compared: Callable[[], Stage[PlanComparison] | None]
+    source: SimulatedStudy | MeasuredStudy, compared: Beside[Stage[PlanComparison] | None]
 ) -> StudyResults:
-    """Run the stages from the fits on."""
+    """Run the stages from the fits on; what one process computes while others compare plans."""
     run = source.run
     fits = _Fits.of(source)
     best, attempt = fits.result, run.stages.attempt
     theorem1 = attempt("uncertainty", lambda: uncertainty(run, best))
-    methods = CrossCheckInputs(
-        theorem1,
-        attempt("posterior", lambda: posterior(run, best)),
-        attempt("cost-posterior", lambda: cost_posterior(run, best)),
-        attempt("profiles", lambda: profiles(run, best, theorem1)),
-        compared(),
-    )
+    drawn = attempt("posterior", lambda: posterior(run, best))
+    by_cost = attempt("cost-posterior", lambda: cost_posterior(run, best))
+    curves = attempt("profiles", lambda: profiles(run, best, theorem1))
+    plan = source.plan
+    predicted = attempt("tool", lambda: tool(run, best, theorem1, drawn, plan.positions))
+    importance = None if compared.done() else importance_ahead(run, best)
+    methods = CrossCheckInputs(theorem1, drawn, by_cost, curves, compared.result(), importance)
     check = attempt("cross-check", lambda: cross_check(run, best, methods, fits.searches))
     held_out = attempt("validation", lambda: source.validation(best, theorem1))
-    plan, drawn = source.plan, methods.posterior
-    predicted = attempt("tool", lambda: tool(run, best, theorem1, drawn, plan.positions))
     names = run.robot.parameters.names
     return StudyResults(
         run.study,

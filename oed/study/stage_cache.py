@@ -129,6 +129,22 @@ class _EndedError(Exception):
     """Another stage failed, without which this one is of no use."""
 
 
+@dataclass(frozen=True, eq=False)
+class Beside(Generic[Result]):
+    """A stage that may be computed in a thread of its own.
+
+    Attributes
+    ----------
+    result : callable
+        Returns what `Stages.attempt` would, when it is there.
+    done : callable
+        Tells whether nothing goes on in the thread.
+    """
+
+    result: Callable[[], Result | None]
+    done: Callable[[], bool]
+
+
 class Stages:
     """Stages in one folder.
 
@@ -197,19 +213,17 @@ class Stages:
             return None
 
     @contextmanager
-    def beside(
-        self, name: str, run: Callable[[], T], at_once: bool
-    ) -> Iterator[Callable[[], T | None]]:
-        """Give a function that returns what `attempt` would, of a stage that others do not need.
+    def beside(self, name: str, run: Callable[[], T], at_once: bool) -> Iterator["Beside[T]"]:
+        """Give a stage that others do not need.
 
         Parameters
         ----------
         at_once : bool
             Whether the stage is begun in a thread of its own, as other processes do its work, or
-            when the function is called. It ends early where the block ends with an error.
+            when its result is asked for. It ends early where the block ends with an error.
         """
         if not at_once:
-            yield lambda: self.attempt(name, run)
+            yield Beside(lambda: self.attempt(name, run), lambda: True)
             return
         with ThreadPoolExecutor(1) as thread:
             future = thread.submit(run)
@@ -221,7 +235,7 @@ class Stages:
                 return result
 
             try:
-                yield lambda: self.attempt(name, wait)
+                yield Beside(lambda: self.attempt(name, wait), future.done)
             except BaseException:
                 self._ended = True
                 raise

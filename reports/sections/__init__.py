@@ -73,7 +73,7 @@ def _responses(results: StudyResults) -> Section:
 def _residuals(results: StudyResults) -> Section:
     analysis, robot_ = results.fits.residuals, results.robot
     held_out = None if results.validation is None else results.validation.theorem1
-    more = results.fits.result, held_out, model_errors.picture(results)
+    more = results.fits, held_out, model_errors.picture(results)
     if results.study.fits_runs:
         runs = tuple(f"run {e + 1}" for e in range(analysis.by_element.shape[1]))
         by_run = residuals.element_table(analysis.by_element.T, "", runs, robot_.output_names)

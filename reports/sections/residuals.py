@@ -2,12 +2,11 @@
 
 import numpy as np
 
-from estimators.fitting.fitted_model import FittedModel
 from estimators.trust.rule import LEVEL
 from estimators.trust.trust import Trust
 from estimators.uncertainty.residual_analysis import ResidualAnalysis
-from estimators.uncertainty.standardised_residuals import standardised_residuals
 from estimators.validation.held_out_positions import Validation
+from oed.study.parts import Fits
 from reports import text
 from reports.figures import residual_figures, study_figures
 from reports.page_elements import (
@@ -32,11 +31,11 @@ def section(
     analysis: ResidualAnalysis,
     trust: Trust,
     elements: Table,
-    fit: FittedModel | None = None,
+    fits: Fits | None = None,
     held_out: Validation | None = None,
     marked: Figure | None = None,
 ) -> Section:
-    """Return the section, which ends with a table of `elements`; with a `fit` its residuals too.
+    """Return the section, which ends with a table of `elements`; with `fits` residuals too.
 
     `marked` is a picture of where the model fails.
     """
@@ -53,7 +52,7 @@ def section(
         whiteness=text.probability(analysis.whiteness_p_value),
         outlying=text.listed([str(q + 1) for q in analysis.outlying]),
         positions=by_position(analysis),
-        pictures=[] if fit is None else pictures(fit, analysis, held_out),
+        pictures=[] if fits is None else pictures(fits, analysis, held_out),
         held_out=held_out,
         elements=elements,
     )
@@ -123,24 +122,21 @@ def by_position(analysis: ResidualAnalysis) -> Figure | None:
     )
 
 
-def pictures(
-    fit: FittedModel, analysis: ResidualAnalysis, held_out: Validation | None
-) -> list[Figure]:
+def pictures(fits: Fits, analysis: ResidualAnalysis, held_out: Validation | None) -> list[Figure]:
     """Return maps and laws of the standardised residuals."""
-    standardised = standardised_residuals(fit)
     return [
         figure(
             "residual-map",
             residual_figures.residual_map(
-                standardised,
-                fit.problem.omega,
+                fits.standardised,
+                fits.result.problem.omega,
                 None if held_out is None else held_out.mean_squares,
             ),
             "Mean squared standardised residuals, a row for each position along the frequencies",
         ),
         figure(
             "residual-laws",
-            residual_figures.residual_laws(standardised, analysis.autocorrelation),
+            residual_figures.residual_laws(fits.standardised, analysis.autocorrelation),
             "Quantiles of residuals against those of the normal law, and their autocorrelation",
         ),
     ]

@@ -66,6 +66,7 @@ class ProcessPool(Executor):
             initargs=(self._begun,),
         )
         self._pool = self._make()
+        self.workers = workers
         self._restarts = restarts
         self._lock = threading.Lock()
 
@@ -140,6 +141,29 @@ class ProcessPool(Executor):
     def _explained(self, error: BrokenProcessPool) -> Exception:
         """Return the error of processes that never began to work; the same for others."""
         return error if self._begun.is_set() else ProcessesNeverBegan(_NEVER_BEGAN)
+
+
+class Behind(Executor):
+    """An executor whose tasks let those of others go first: few of them wait at a time.
+
+    It blocks who submits more, and does not end the executor that it gives them to.
+    """
+
+    def __init__(self, pool: ProcessPool) -> None:
+        self._pool = pool
+        self._free = threading.Semaphore(pool.workers + 1)
+
+    def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
+        """Return the future result of ``fn(*args, **kwargs)``, once few others wait."""
+        self._free.acquire()
+        future = self._pool.submit(fn, *args, **kwargs)
+        future.add_done_callback(lambda _: self._free.release())
+        return future
+
+
+def behind_others(executor: Executor | None) -> Executor | None:
+    """Return an executor for tasks that may wait, where it is one of processes here."""
+    return Behind(executor) if isinstance(executor, ProcessPool) else executor
 
 
 def _check_script() -> None:

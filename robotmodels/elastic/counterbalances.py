@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from scipy.interpolate import CubicSpline
 
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import InvalidInput
@@ -88,6 +87,8 @@ def sinusoid_law(law: Sinusoid) -> TorqueLaw:
 
 def table_law(table: Table) -> TorqueLaw:
     """Return the spline through a table, and its slope."""
+    from scipy.interpolate import CubicSpline  # takes a tenth of a second to load
+
     spline = CubicSpline(table.angles, table.torques)
     slope = spline.derivative()
     return lambda q: (spline(q), slope(q))

@@ -7,6 +7,7 @@ from robots import HERE, PENDULUM, built, changed
 
 import estimators
 from estimators import DampingRatios, Resonances, ToolCompliance, ToolResponse, predict
+from estimators.validation.predict_tool import predict_tool
 from robotmodels import Frame, InvalidInput, RelativeNoise, save_robot
 from robotmodels.elastic.robot import ElasticRobot
 
@@ -126,3 +127,27 @@ def test_mistakes_are_named() -> None:
         predict(ROBOT, "resonances", ELSEWHERE)
     with pytest.raises(InvalidInput, match="direction"):
         predict(ROBOT, ToolCompliance(TIP, (0.0, 0.0, 0.0)), ELSEWHERE, spread=spread)
+
+
+@pytest.mark.parametrize("motors", ["clamped", "free"])
+def test_a_tool_says_what_single_quantities_say(motors) -> None:
+    fit = fitted(3)
+    spread = estimators.covariance(fit)
+    draws = np.random.default_rng(0).multivariate_normal(
+        np.log(fit.parameters.values), spread.covariance, 12
+    )
+    for uncertain in (spread, draws):
+        tool = predict_tool(
+            fit, ELSEWHERE, TIP, OMEGA[:3], motors=motors, modes=1, spread=uncertain
+        )
+        for one, quantity in (
+            (tool.compliance, ToolCompliance(TIP)),
+            (tool.resonances, Resonances(1, motors)),
+            (tool.damping, DampingRatios(1, motors)),
+            (tool.response, ToolResponse(OMEGA[:3], TIP, motors=motors)),
+        ):
+            alone = predict(fit, quantity, ELSEWHERE, spread=uncertain)
+            for field in ("values", "std", "lower", "upper"):
+                np.testing.assert_allclose(
+                    getattr(one, field), getattr(alone, field), rtol=1e-9, atol=1e-300
+                )

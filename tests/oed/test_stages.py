@@ -363,7 +363,7 @@ def test_a_stage_beside_others_comes_in_the_order_of_its_result(tmp_path):
                     assert begun.wait(60)
                 stages.run("a", {}, chain.computing("a", 1.0), ARRAY)
                 assert begun.is_set() == at_once
-                assert result().value == 4.0
+                assert result.result().value == 4.0
             assert list(stages.seconds) == ["a", "beside"]
 
 
@@ -375,7 +375,7 @@ def test_a_stage_beside_others_fails_alone(tmp_path):
         open_stages(tmp_path / "stages") as stages,
         stages.beside("beside", fails, True) as result,
     ):
-        assert result() is None
+        assert result.result() is None
         assert [(one.name, one.reason) for one in stages.failures] == [("beside", "no such plan")]
 
 

@@ -6,12 +6,14 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import as_completed
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from functools import partial
 
 import pytest
 
 from robotmodels import ProcessPool
+from robotmodels.common.process_pool import behind_others
 
 
 def square_unless_killed(folder, number, deaths):
@@ -42,6 +44,14 @@ class BrokenAtOnce:
 
 def wait_for(path):
     while not path.exists():
+        time.sleep(0.01)
+
+
+def noted(path, name):
+    """Write a name, and wait for a gate to open."""
+    with path.open("a") as file:
+        file.write(f"{name}\n")
+    while not (path.parent / "gate").exists():
         time.sleep(0.01)
 
 
@@ -123,3 +133,24 @@ def test_a_script_from_standard_input_is_told_so():
     assert (code, out) == (1, "")
     assert "the script is <stdin>, which new processes cannot read" in err.splitlines()[-1]
     assert ran([sys.executable, "-c", SCRIPT]) == (0, "[1, 2]\n", "")
+
+
+def test_tasks_behind_let_others_go_first(tmp_path):
+    path = tmp_path / "order"
+    path.touch()
+    with ProcessPool(1) as pool, ThreadPoolExecutor(1) as thread:
+        behind = behind_others(pool)
+        waiting = thread.submit(
+            lambda: list(behind.map(partial(noted, path), [f"behind {k}" for k in range(8)]))
+        )
+        while not path.read_text():
+            time.sleep(0.01)
+        other = pool.submit(noted, path, "other")
+        (tmp_path / "gate").touch()
+        assert len(waiting.result(60)) == 8
+        other.result(60)
+    order = path.read_text().split("\n")[:-1]
+    assert sorted(order) == sorted(["other", *(f"behind {k}" for k in range(8))])
+    assert order.index("other") <= 2
+    assert behind_others(None) is None
+    assert behind_others(thread) is thread

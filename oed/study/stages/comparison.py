@@ -16,6 +16,7 @@ from oed.study.stages.information import Information
 from oed.study.stages.run import SimulatedRun
 from robotmodels.common.arrays import IntArray
 from robotmodels.common.errors import InvalidInput
+from robotmodels.common.process_pool import behind_others
 from robotmodels.common.progress import Progress
 
 OPTIMAL = "optimal"
@@ -66,7 +67,7 @@ def comparison(
             criterion=criterion_of(run.study.design, run.robot)
             if not run.study.design.tell_apart
             else "D",
-            executor=run.executor,
+            executor=behind_others(run.executor),
             progress=report,
             store=folder,
         )

@@ -1,12 +1,13 @@
 """The stage ``cross-check``: what every method says of each parameter, side by side."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
 from estimators.fitting.fitted_model import FittedModel
-from estimators.sampling.importance_sampling import importance_sample
+from estimators.sampling.importance_sampling import ImportanceSample, importance_sample
 from estimators.sampling.posterior import Posterior
 from estimators.sampling.profile_likelihood import Profile
 from estimators.uncertainty.covariance import Uncertainty
@@ -19,6 +20,7 @@ from oed.study.stages.posterior import likelihood_of
 from oed.study.stages.profiles import Profiles
 from oed.study.stages.result import SelectedFit
 from oed.study.stages.run import Run
+from robotmodels.common.errors import IdentificationError
 from robotmodels.common.progress import Progress
 
 T = TypeVar("T")
@@ -26,13 +28,14 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class CrossCheckInputs:
-    """The stages that a cross-check compares, as far as there are any."""
+    """The stages that a cross-check compares, as far as there are any, and what is there ahead."""
 
     covariances: Stage[Uncertainty] | None
     posterior: Stage[Posterior] | None
     cost_posterior: Stage[Posterior] | None
     profiles: Stage[Profiles] | None
     comparison: Stage[PlanComparison] | None
+    importance: ImportanceSample | None = None
 
     @property
     def profile_likelihoods(self) -> tuple[Profile, ...]:
@@ -58,7 +61,7 @@ def cross_check(
             theorem1=_value(methods.covariances),
             posterior=_value(methods.posterior),
             cost_posterior=_value(methods.cost_posterior),
-            importance=importance_sample(likelihood_of(fit), rng=run.rng("importance")),
+            importance=methods.importance or _importance(run, result),
             profiles=methods.profile_likelihoods,
             monte_carlo=repeated,
             multistart=[one for one in runs if one.converged],
@@ -77,6 +80,21 @@ def cross_check(
         **run.settings("seed"),
     }
     return run.stages.run("cross-check", inputs, compute, dataclass_files(CrossCheck))
+
+
+def importance_ahead(run: Run, result: Stage[SelectedFit]) -> ImportanceSample | None:
+    """Return the importance sample, and let the fit compute its verdict, before the rest is there.
+
+    None where there is none; the cross-check tells why.
+    """
+    with suppress(IdentificationError):
+        if result.value.fit.trust.names:
+            return _importance(run, result)
+    return None
+
+
+def _importance(run: Run, result: Stage[SelectedFit]) -> ImportanceSample:
+    return importance_sample(likelihood_of(result.value.fit), rng=run.rng("importance"))
 
 
 def _value(stage: Stage[T] | None) -> T | None:
