@@ -73,33 +73,26 @@ class Tangents:
         dG = -Z^T (dK + j omega dD - omega^2 dM) X + dC X, then gains, delays and lags.
         `receptances` are X and Z of the model, where the caller has them.
         """
+        w = np.asarray(omega, dtype=float)[:, None, None, None]
         X, Z = model.receptances(omega) if receptances is None else receptances
-        w = np.repeat(np.asarray(omega, dtype=float), X.shape[-1])
         count = self.mass.shape[1]
         J = np.zeros((*Z.shape[:2], Z.shape[-1], X.shape[-1], count), dtype=complex)
         moved = self._columns(self.mass, self.damping, self.stiffness)
         if len(moved):
-            force = self._forces(moved, X, w)
+            force = _times(self.stiffness[:, moved], X) - w**2 * _times(self.mass[:, moved], X)
+            if self.damping.any():
+                force += 1j * w * _times(self.damping[:, moved], X)
             q, f, d, n, p = force.shape
             answer = np.swapaxes(Z, -1, -2) @ force.reshape(q, f, d, n * p)
             J[..., moved] -= answer.reshape(q, f, -1, n, p)
         if self.rows is not None:
             seen = self._columns(*self.rows)
-            rows = enumerate(self.rows)
-            change = np.asarray(sum((1j * w) ** k * _times(C[:, seen], X) for k, C in rows))
-            sensors = model.measured.sensors(omega)[..., None, None]
-            J[..., seen] += sensors * _by_line(change, len(omega))
+            change = sum((1j * w) ** k * _times(C[:, seen], X) for k, C in enumerate(self.rows))
+            J[..., seen] += model.measured.sensors(omega)[..., None, None] * change
         relative = self._relative(omega, model.measured)
         if relative.any():
             J += model.frequency_response(omega)[..., None] * relative
         return J
-
-    def _forces(self, moved: IntArray, X: ComplexArray, w: Array) -> ComplexArray:
-        """Return (dK + j omega dD - omega^2 dM) X by the parameters `moved`, (Q, F, d, n, p)."""
-        force = _times(self.stiffness[:, moved], X) - w**2 * _times(self.mass[:, moved], X)
-        if self.damping.any():
-            force += 1j * w * _times(self.damping[:, moved], X)
-        return _by_line(force, X.shape[1])
 
     def _relative(self, omega: Array, measured: Measurement) -> ComplexArray:
         """Return d ln G/d ln theta by gains, delays and lags, (F, m or 1, n or 1, p)."""
@@ -119,16 +112,10 @@ class Tangents:
 
 
 def _times(derivative: Array, columns: ComplexArray) -> ComplexArray:
-    """Return derivative (Q, p, m, d) times columns (Q, F, d, n), (Q, p, m, F n)."""
+    """Return derivative (Q, p, m, d) times columns (Q, F, d, n), as (Q, F, m, n, p)."""
     q, f, d, n = columns.shape
     p, m = derivative.shape[1:3]
     # One real product: real and imaginary parts lie side by side.
     flat = np.ascontiguousarray(columns.transpose(0, 2, 1, 3)).view(float).reshape(q, d, -1)
     product = (derivative.reshape(q, p * m, d) @ flat).view(complex)
-    return np.asarray(product.reshape(q, p, m, f * n))
-
-
-def _by_line(changes: ComplexArray, lines: int) -> ComplexArray:
-    """Return changes (Q, p, m, F n) as (Q, F, m, n, p)."""
-    split = changes.reshape(*changes.shape[:3], lines, -1)
-    return np.ascontiguousarray(split.transpose(0, 3, 2, 4, 1))
+    return np.ascontiguousarray(product.reshape(q, p, m, f, n).transpose(0, 3, 2, 4, 1))

@@ -100,7 +100,7 @@ def test_frfs_are_drawn_with_the_model_between_the_lines(fit):
     )
     with pytest.raises(robotmodels.InvalidInput, match=r"columns: \[2\]; some of 0 to 1"):
         plots.frf(fit.estimate, columns=[2])
-    with pytest.raises(robotmodels.InvalidInput, match="spread: there is no model"):
+    with pytest.raises(robotmodels.InvalidInput, match="spread: a band needs a model"):
         plots.frf(fit.estimate, spread=estimators.covariance(fit))
     with pytest.raises(robotmodels.InvalidInput, match="position: 4; 0 to 3"):
         plots.frf(fit.estimate, position=4)
