@@ -27,6 +27,7 @@ from oed.study.stages.cross_check import CrossCheckInputs, cross_check, importan
 from oed.study.stages.fit import Search, fit
 from oed.study.stages.posterior import check_posterior, cost_posterior, posterior, stored_posterior
 from oed.study.stages.profiles import profiles
+from oed.study.stages.responses import responses
 from oed.study.stages.result import SelectedFit, result
 from oed.study.stages.run import MeasuredRun, SimulatedRun, open_run
 from oed.study.stages.tool import tool
@@ -166,6 +167,7 @@ def _results(
     curves = attempt("profiles", lambda: profiles(run, best, theorem1))
     plan = source.plan
     predicted = attempt("tool", lambda: tool(run, best, theorem1, drawn, plan.positions))
+    certain = attempt("responses", lambda: responses(run, source.data, best, theorem1, drawn))
     importance = None if compared.done() else importance_ahead(run, best)
     methods = CrossCheckInputs(theorem1, drawn, by_cost, curves, compared.result(), importance)
     check = attempt("cross-check", lambda: cross_check(run, best, methods, fits.searches))
@@ -188,6 +190,7 @@ def _results(
         _value(methods.comparison),
         _value(held_out),
         _value(predicted),
+        _value(certain),
     )
 
 

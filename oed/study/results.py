@@ -25,6 +25,7 @@ from oed.study.parts import (
 from oed.study.settings.study_file import Study
 from oed.study.stage_cache import Failure
 from oed.study.stages.design_inputs import purpose_of
+from oed.study.stages.responses import PredictedResponses
 from oed.study.stages.validation import HeldOut
 from oed.study.summary import (
     FitSummary,
@@ -149,12 +150,15 @@ class StudyResults(FittedStudy):
     tool : ToolPrediction or None
         Compliance and modes at the end of the last link in the plan's first positions; None
         without a covariance.
+    responses : PredictedResponses or None
+        How certain the result's FRFs are; None without a covariance, or where the data are runs.
     """
 
     uncertainty: UncertaintyOfResult
     comparison: PlanComparison | None
     validation: HeldOut | None
     tool: ToolPrediction | None
+    responses: PredictedResponses | None = None
 
     @property
     def trust(self) -> Trust:

@@ -4,8 +4,6 @@ import numpy as np
 from markupsafe import Markup
 
 import robotmodels
-from estimators.validation.predictive_band import predictive_band
-from oed.criteria.prediction_variance import log_frf_gradients, prediction_std
 from oed.study.results import StudyResults
 from reports import text
 from reports.figures import response_panels
@@ -13,11 +11,7 @@ from reports.figures.response_data import ResponseData, between
 from reports.figures.response_panels import lines_drawn
 from reports.page_elements import Figure, Section, figure, filled
 from reports.sections.plan_labels import labels
-from robotmodels.common.arrays import Array, IntArray
-from robotmodels.linear.derived_models import WithParameters
-
-DRAWS = 200
-"""Of the posterior, for predictive bands."""
+from robotmodels.common.arrays import IntArray
 
 
 def section(results: StudyResults) -> Section:
@@ -40,35 +34,21 @@ def section(results: StudyResults) -> Section:
 
 def response_data(results: StudyResults, lines: IntArray) -> ResponseData:
     """Return measured FRFs and the fitted model's, also between the lines."""
-    estimate, theorem1 = results.data.frf, results.uncertainty.theorem1
+    estimate, certain = results.data.frf, results.responses
     values = results.fits.result.parameters.values
     omega = estimate.omega[lines]
     fine = between(omega)
-    std = np.sqrt(estimate.variance[:, lines])
-    model_std = None
-    if theorem1 is not None:
-        fitted = WithParameters(results.robot, values)
-        gradients = log_frf_gradients(fitted, estimate.positions, omega)
-        model_std = prediction_std(gradients, theorem1.covariance)
+    band = None if certain is None else certain.predictive
     return ResponseData(
         omega,
         estimate.response[:, lines],
-        std,
+        np.sqrt(estimate.variance[:, lines]),
         estimate.repetitions,
         fine,
         robotmodels.frequency_response(results.robot, estimate.positions, fine, values),
-        model_std,
-        _predictive(results, omega, std),
+        None if certain is None else certain.std[:, lines],
+        None if band is None else (band[0][:, lines], band[1][:, lines]),
     )
-
-
-def _predictive(results: StudyResults, omega: Array, std: Array) -> tuple[Array, Array] | None:
-    """Return the posterior predictive band; None without a posterior that converged."""
-    draws = results.posterior_draws
-    if draws is None:
-        return None
-    some = draws[:: -(-len(draws) // DRAWS)]
-    return predictive_band(results.robot, results.data.frf.positions, omega, some, std)
 
 
 def panels(results: StudyResults, shown: ResponseData) -> list[Figure]:

@@ -22,6 +22,7 @@ STAGES = {
     "profiles",
     "cross-check",
     "tool",
+    "responses",
 }
 INFORMATION = "stages/information/information.h5"
 

@@ -20,7 +20,6 @@ from oed.study.stages.posterior import likelihood_of
 from oed.study.stages.profiles import Profiles
 from oed.study.stages.result import SelectedFit
 from oed.study.stages.run import Run
-from robotmodels.common.errors import IdentificationError
 from robotmodels.common.progress import Progress
 
 T = TypeVar("T")
@@ -87,7 +86,7 @@ def importance_ahead(run: Run, result: Stage[SelectedFit]) -> ImportanceSample |
 
     None where there is none; the cross-check tells why.
     """
-    with suppress(IdentificationError):
+    with suppress(Exception):
         if result.value.fit.trust.names:
             return _importance(run, result)
     return None
