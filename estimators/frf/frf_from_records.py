@@ -298,6 +298,20 @@ def collected_warnings() -> Iterator[list[str]]:
             messages.append(str(warning.message))
 
 
+def recorded_seconds(path: Path) -> float:
+    """Return how long the measured periods of all runs in a file of records are [s].
+
+    Raises
+    ------
+    InvalidInput
+        If the file cannot be read.
+    """
+    source = _Source(path)
+    runs = sum(part.missing.size - int(part.missing.sum()) for part in source)
+    periods, samples = source.first.torque.shape[3:5]
+    return float(runs * periods * samples * source.first.sample_time)
+
+
 class _Source:
     """Records that can be read again and again; HDF5 files one position at a time."""
 

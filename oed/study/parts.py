@@ -133,7 +133,15 @@ class SimulatedData(Data):
 
 @dataclass(frozen=True, eq=False)
 class MeasuredData(Data):
-    """Data from files."""
+    """Data from files.
+
+    Attributes
+    ----------
+    recorded : float or None, s
+        Measured periods of all runs together; None where the file has no runs.
+    """
+
+    recorded: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

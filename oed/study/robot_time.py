@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from oed.study.parts import DesignedPlan
-from oed.study.results import PlannedStudy
+from oed.study.parts import DesignedPlan, MeasuredData
+from oed.study.results import FittedStudy, PlannedStudy
 from oed.study.settings.study_file import Study
 from robotmodels.common.arrays import Array, IntArray
 
@@ -19,8 +19,9 @@ class RobotTime:
     seconds : float, s
         Time of all visits, moves between them included where the study tells how the robot moves.
     bound : bool
-        Whether it is a lower bound, since the study does not tell how long a run takes: one period
-        for each run, as long as neighbouring frequencies need to be told from each other.
+        Whether it is a lower bound: of simulated data where the study does not tell how long a run
+        takes, one period for each run, as long as neighbouring frequencies need to be told from
+        each other; of records, the periods that were recorded.
     """
 
     seconds: float
@@ -28,8 +29,11 @@ class RobotTime:
 
 
 def robot_time(results: PlannedStudy) -> RobotTime | None:
-    """Return how long a plan takes; None of measured data, and where there is one frequency."""
+    """Return how long a plan or its records take; None of measured FRFs or a single frequency."""
     plan, study = results.plan, results.study
+    if isinstance(results, FittedStudy) and isinstance(results.data, MeasuredData):
+        recorded = results.data.recorded
+        return None if recorded is None else RobotTime(recorded, bound=True)
     if not isinstance(plan, DesignedPlan):
         return None
     moves = 0.0 if plan.order is None else plan.order.duration

@@ -16,7 +16,13 @@ from oed.study.stage_cache import Stage
 from oed.study.stages.assumed_springs import AssumedSprings, assumed_springs
 from oed.study.stages.candidates import candidates
 from oed.study.stages.comparison import check_comparison, comparison
-from oed.study.stages.data import Data, data_by_noise_law, data_from_records, measured_data
+from oed.study.stages.data import (
+    Data,
+    data_by_noise_law,
+    data_from_records,
+    measured_data,
+    recorded_time,
+)
 from oed.study.stages.design import StudyDesign, design, measured_design, visits
 from oed.study.stages.experiment import SimulatedExperiment, experiment, runs_of_block
 from oed.study.stages.few_data import warn_of_few_frequencies, warn_of_weak_combinations
@@ -184,7 +190,8 @@ class MeasuredStudy:
     def results_data(self) -> MeasuredData:
         """The data."""
         data = self.data.value
-        return MeasuredData(data.estimate, data.distortion, data.warnings)
+        seconds = recorded_time(self.run)
+        return MeasuredData(data.estimate, data.distortion, data.warnings, seconds)
 
     def comparison(self) -> Stage[PlanComparison] | None:
         """Return None: plans are compared where data are simulated."""

@@ -8,8 +8,9 @@ import pytest
 from estimators.trust.intervals import Verdict
 from estimators.uncertainty.identifiability import identifiability
 from oed.study.next_step import next_step
+from oed.study.parts import MeasuredData
 from oed.study.results import FittedStudy, PlannedStudy
-from oed.study.robot_time import growing_time, robot_time
+from oed.study.robot_time import RobotTime, growing_time, robot_time
 
 NAMES = ("g1.stiffness", "g1.damping")
 
@@ -90,8 +91,12 @@ def test_a_plan_is_measured_in_its_order():
     assert (step.action, step.positions) == ("measure", (1, 2))
 
 
-def test_measured_data_take_no_robot_time():
-    assert robot_time(PlannedStudy(None, None, plan_of([1, 1]), None)) is None
+def test_measured_responses_take_no_robot_time_and_records_what_they_last():
+    plan = plan_of([1, 1])
+    assert robot_time(PlannedStudy(None, None, plan, None)) is None
+    for recorded, expected in ((None, None), (90.0, RobotTime(90.0, bound=True))):
+        data = MeasuredData(None, recorded=recorded)
+        assert robot_time(FittedStudy(None, None, plan, None, data, None)) == expected
 
 
 def test_time_grows_by_visits_and_by_moves_to_new_positions():

@@ -15,7 +15,11 @@ from estimators.fitting.settled_runs import settled_fit
 from estimators.frf.distortion import Distortion
 from estimators.frf.file_formats import read_frf, read_records
 from estimators.frf.frf_estimate import FrfEstimate, simulate_frf
-from estimators.frf.frf_from_records import collected_warnings, measured_frf
+from estimators.frf.frf_from_records import (
+    collected_warnings,
+    measured_frf,
+    recorded_seconds,
+)
 from estimators.frf.repeated_visits import merge_visits
 from estimators.frf.rigid_body_check import rigid_limit
 from estimators.input_output.run_frf import check_rigid_runs
@@ -175,6 +179,25 @@ def measured_data(run: MeasuredRun) -> Stage[Data]:
         "checked": 1,
     }
     return run.stages.run("data", inputs, compute, dataclass_files(Data))
+
+
+@dataclass(frozen=True)
+class RecordedTime:
+    """How long the measured periods of all runs are together [s]."""
+
+    seconds: float
+
+
+def recorded_time(run: MeasuredRun) -> float | None:
+    """Return how long the runs of a study's records are [s]; None of frequency responses."""
+    if run.content != "records":
+        return None
+
+    def compute(folder: Path, report: Progress | None) -> RecordedTime:
+        return RecordedTime(recorded_seconds(run.file))
+
+    inputs, files = {"records": file_digest(run.file)}, dataclass_files(RecordedTime)
+    return run.stages.run("recorded", inputs, compute, files).value.seconds
 
 
 def _check_shape(estimate: FrfEstimate, robot: ElasticRobot, path: Path) -> None:
