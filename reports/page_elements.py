@@ -10,7 +10,7 @@ from importlib.resources import files
 from typing import Literal, Protocol, runtime_checkable
 
 import jinja2
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from reports import text
 from reports.figures.palette import LIGHT, Drawing
@@ -168,9 +168,20 @@ def table(
     return Table(id, caption, tuple(columns), (("", tuple(tuple(row) for row in rows)),))
 
 
+_DIMENSIONLESS = re.compile(
+    r"p-value|probability at most|share|correlation|ratio|gear ratio|z|dof|R-hat|ESS|BIC|score|cost"
+    r"|over best|expected fall|fall of the cost|held out|misfit per datum|independent|simulated"
+    r"|(relative efficiency|inflation|condition|largest singular value|from ).+|.+ / .+"
+)
+"""Titles of numbers without a dimension; counts have what they count in their title."""
+
+
 def numbers(*titles: str) -> list[Column]:
-    """Return columns of numbers."""
-    return [Column(title, "n") for title in titles]
+    """Return columns of numbers; those without a dimension say so."""
+    return [
+        Column(f"{title} [–]" if _DIMENSIONLESS.fullmatch(title) else title, "n")
+        for title in titles
+    ]
 
 
 def in_unit(unit: str, *titles: str) -> list[Column]:
@@ -201,6 +212,8 @@ def page(
     banner : Markup
         Below the lead, before the contents.
     """
+    entries = dict(re.findall(r"^## (.+)\n(.+)$", _file("glossary.md"), re.M))
+    bodies = "".join(one.body for one in sections)
     return (
         _environment(html=True)
         .get_template("base.html.j2")
@@ -214,7 +227,8 @@ def page(
             style=Markup(_file("report.css")),
             script=Markup("".join(map(_file, _SCRIPTS))),
             light=Markup(json.dumps(asdict(LIGHT))),
-            glossary=dict(re.findall(r"^## (.+)\n(.+)$", _file("glossary.md"), re.M)),
+            glossary=entries,
+            used={words for words in entries.values() if f'title="{escape(words)}"' in bodies},
         )
     )
 

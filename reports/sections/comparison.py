@@ -74,7 +74,7 @@ def plan_table(comparison: PlanComparison) -> Table:
     columns = [
         Column("plan"),
         *numbers("positions", "relative efficiency, predicted", "simulated"),
-        Column("95 % interval"),
+        Column("95 % interval [–]"),
         *numbers("optimal more certain of", "less certain of"),
     ]
     caption = (
