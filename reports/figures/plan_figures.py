@@ -36,7 +36,8 @@ def trade_off(
     rows = [[Panel(marks, x if bound is None else above, Axis("std [%]", log=True))]]
     if bound is not None:
         shares = Curve(cost, 100 * bound, "accent", 1.3, 3.0)
-        rows.append([Panel([shares], x, Axis("efficiency [%]", (None, 101.0), count=3))])
+        lowest = 98.0 if bound.min() > 0.99 else None
+        rows.append([Panel([shares], x, Axis("efficiency [%]", (lowest, 101.0), count=3))])
     return Panels(
         (7.0, 2.9 if bound is None else 3.6),
         rows,

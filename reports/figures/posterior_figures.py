@@ -48,7 +48,7 @@ def traces(names: Sequence[str], chains: Array) -> Panels:
             [Panel(walks, x[0], Axis(count=4, grid=False), name), Panel([even, *steps], x[1], y)]
         )
     size = (7.6, 0.6 + 0.85 * len(names))
-    return Panels(size, rows, widths=(2, 1), up="mean deviation from the estimate [%]")
+    return Panels(size, rows, widths=(2, 1), up="mean deviation [%]")
 
 
 def _outline(shares: Array) -> tuple[Array, Array]:

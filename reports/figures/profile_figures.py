@@ -11,6 +11,7 @@ from robotmodels.common.arrays import Array
 
 _COLUMNS, _POINTS = 3, 121
 _DOTTED = (1.0, 2.0)
+_BELOW = "deviation from the estimate [%]"
 
 
 def profiles(curves: Sequence[Profile], estimate: Array, std: Array) -> Panels:
@@ -25,8 +26,9 @@ def profiles(curves: Sequence[Profile], estimate: Array, std: Array) -> Panels:
     std : ndarray, (k,)
         Relative standard deviations, of the parabolas.
     """
+    below = _BELOW if len(curves) < _COLUMNS else ""  # else once, in the middle
     panels: list[Panel | None] = [
-        _panel(one, float(value), float(width), first=k % _COLUMNS == 0)
+        _panel(one, float(value), float(width), below, first=k % _COLUMNS == 0)
         for k, (one, value, width) in enumerate(zip(curves, estimate, std, strict=True))
     ]
     rows = -(-len(panels) // _COLUMNS)
@@ -34,12 +36,12 @@ def profiles(curves: Sequence[Profile], estimate: Array, std: Array) -> Panels:
     return Panels(
         (7.6, 0.5 + 1.9 * rows),
         [panels[k : k + _COLUMNS] for k in range(0, len(panels), _COLUMNS)],
-        across="deviation from the estimate [%]",
+        across="" if below else _BELOW,
         up="rise of −2 log p",
     )
 
 
-def _panel(one: Profile, estimate: float, std: float, first: bool) -> Panel:
+def _panel(one: Profile, estimate: float, std: float, below: str, first: bool) -> Panel:
     """Return one profile, its interval and the parabola; numbers on the left in the first only."""
     rise = NormalDist().inv_cdf((1 + one.level) / 2) ** 2
     at, height, between, smooth = _smooth(one, estimate)
@@ -52,7 +54,7 @@ def _panel(one: Profile, estimate: float, std: float, first: bool) -> Panel:
         *(Rule(end, "muted", 0.8, _DOTTED, upright=True) for end in ends if np.isfinite(end)),
     ]
     y = Axis(limits=(0.0, 3 * rise), numbered=first)
-    return Panel(marks, Axis(count=5), y, title=one.name)
+    return Panel(marks, Axis(below, count=5), y, title=one.name)
 
 
 def _smooth(one: Profile, estimate: float) -> tuple[Array, Array, Array, Array]:

@@ -165,6 +165,10 @@ def test_print_has_every_position_and_what_is_folded(study):
     assert all(panels.nth(i).is_visible() for i in range(panels.count()))
     assert study.locator("#runs td").first.bounding_box()["height"] > 0
     assert not study.locator(".filter").first.is_visible()
+    terms = study.locator("#glossary dt:visible").all_inner_texts()
+    assert {"R-hat", "p-value", "z"} <= set(terms)
+    assert "BIC" not in terms  # of other pages
+    study.emulate_media(media="screen")
 
 
 def test_the_keyboard_skips_to_the_content_and_stops_only_where_something_scrolls(study):

@@ -226,6 +226,14 @@ def test_tables_keep_numbers_exact_and_units_whole():
     assert "[kg\u00a0m²]" in text
 
 
+def test_numbers_without_a_dimension_say_so_and_counts_say_of_what():
+    titles = ("p-value", "Theorem 1 / posterior", "from m1", "relative efficiency, predicted")
+    assert [one.title for one in numbers(*titles)] == [f"{title} [–]" for title in titles]
+    plain = ("visits", "std [%]", "candidates from", "estimate")
+    assert [one.title for one in numbers(*plain)] == [*plain]
+    assert numbers("p-value")[0].explanation == numbers("p-value [–]")[0].explanation != ""
+
+
 def test_a_page_escapes_names_and_lists_its_sections():
     text = page("<robot>", "kind", "kicker", "lead", [Section("one", "A & B", "x > y")])
     assert "<h1>&lt;robot&gt;</h1>" in text
