@@ -144,7 +144,7 @@ def test_cross_check_has_recommended_intervals_beside_the_others():
     assert "in repeated simulations: posterior." in said
     titles = [column.title for column in cross_check.verdict_table(check).columns]
     assert titles[:4] == ["parameter", "recommended [%]", "Theorem 1 [%]", "posterior [%]"]
-    assert titles[-2:] == ["Theorem 1 / posterior", "verdict"]
+    assert titles[-2:] == ["Theorem 1 / posterior [–]", "verdict"]
 
 
 def struck(markup):
