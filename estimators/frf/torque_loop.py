@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from estimators.frf.estimate_frf import each_position, first_period, lines_of
 from estimators.frf.input_rank import side_by_side
@@ -151,6 +150,8 @@ def _of_motor(measured: ComplexArray, command: ComplexArray, omega: Array, motor
     start = [response[0].real, late / 2, max(late / 2, 1e-9)]
     scale = [1.0, 1 / omega[-1], 1 / omega[-1]]
     bounds = ([-np.inf, -np.inf, 0.0], np.inf)
+    from scipy.optimize import least_squares  # takes a tenth of a second to load
+
     fit = least_squares(errors, start, bounds=bounds, x_scale=scale, xtol=1e-12, ftol=1e-12)
     freedom = max(2 * len(omega) - len(start), 1)
     misfit = float(2 * fit.cost / (freedom / 2))

@@ -9,7 +9,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import minimize
 
 from oed.experiment.experiment_plan import ExperimentPlan
 from oed.experiment.limits import UNITS, Limits, beside_carrier, room
@@ -216,6 +215,8 @@ def fair_amplitudes(used: Array) -> Array:
     parts = (used / alone) ** 2
     parts = parts[parts.max(axis=1) > _NEGLIGIBLE]
     n = len(alone)
+    from scipy.optimize import minimize  # takes a tenth of a second to load
+
     solution = minimize(
         lambda y: -y.sum(),
         np.full(n, -np.log(n)),

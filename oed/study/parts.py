@@ -16,7 +16,7 @@ from estimators.structure.score_table import ScoreTable
 from estimators.trust.linearised_fit import LinearisedFit
 from estimators.uncertainty.covariance import Uncertainty
 from estimators.uncertainty.identifiability import Identifiability, fit_information, identifiability
-from estimators.uncertainty.residual_analysis import LAGS, ResidualAnalysis, residual_analysis
+from estimators.uncertainty.residual_analysis import ResidualAnalysis
 from estimators.uncertainty.standardised_residuals import standardised_residuals
 from estimators.validation.cross_check import CrossCheck
 from oed.candidates.screening import ScreenedCandidates
@@ -29,6 +29,7 @@ from oed.study.stages.data import Data
 from oed.study.stages.experiment import SimulatedExperiment
 from oed.study.stages.fit import Search
 from oed.study.stages.information import Information
+from oed.study.stages.residuals import FitResiduals, analysed
 from robotmodels import ElasticRobot
 from robotmodels.common.arrays import Array, IntArray
 
@@ -160,6 +161,8 @@ class Fits:
         Where the search for `result` began, for people.
     posterior : Posterior or None
         That an earlier run sampled about `result`, if it converged.
+    stored : FitResiduals or None
+        Residuals and information, where a stage has them.
     """
 
     starts: Array
@@ -167,16 +170,18 @@ class Fits:
     result: Fit | RunFit
     origin: str
     posterior: Posterior | None = None
+    stored: FitResiduals | None = None
 
     @cached_property
     def residuals(self) -> ResidualAnalysis:
         """What the result leaves unexplained."""
-        lines = len(self.result.problem.omega)
-        return residual_analysis(self.result, max(min(LAGS, lines - 1), 1), self._linear)
+        return self.stored.analysis if self.stored else analysed(self.result, self._linear)
 
     @cached_property
     def standardised(self) -> Array:
         """Residuals over their standard deviations, see `standardised_residuals`."""
+        if self.stored:
+            return self.stored.standardised
         return standardised_residuals(self.result, self._linear)
 
     def best_cost(self, name: str) -> float:
@@ -188,7 +193,9 @@ class Fits:
     @cached_property
     def information(self) -> Array:
         """Information of the data on ln theta at the result, (p, p)."""
-        return fit_information(self.result, self._linear)
+        return (
+            self.stored.information if self.stored else fit_information(self.result, self._linear)
+        )
 
     @cached_property
     def _linear(self) -> LinearisedFit:

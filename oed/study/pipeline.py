@@ -6,7 +6,7 @@ the same process or another, goes on from there.
 
 from collections.abc import Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from estimators.fitting.fit_problem import Measured
@@ -27,6 +27,7 @@ from oed.study.stages.cross_check import CrossCheckInputs, cross_check, importan
 from oed.study.stages.fit import Search, fit
 from oed.study.stages.posterior import check_posterior, cost_posterior, posterior, stored_posterior
 from oed.study.stages.profiles import profiles
+from oed.study.stages.residuals import residuals
 from oed.study.stages.responses import responses
 from oed.study.stages.result import SelectedFit, result
 from oed.study.stages.run import MeasuredRun, SimulatedRun, open_run
@@ -163,7 +164,8 @@ def _results(
     best, attempt = fits.result, run.stages.attempt
     theorem1 = attempt("uncertainty", lambda: uncertainty(run, best))
     drawn = attempt("posterior", lambda: posterior(run, best))
-    by_cost = attempt("cost-posterior", lambda: cost_posterior(run, best))
+    left = attempt("residuals", lambda: residuals(run, best))
+    by_cost = attempt("cost-posterior", lambda: cost_posterior(run, best, _value(left)))
     curves = attempt("profiles", lambda: profiles(run, best, theorem1))
     plan = source.plan
     predicted = attempt("tool", lambda: tool(run, best, theorem1, drawn, plan.positions))
@@ -179,7 +181,7 @@ def _results(
         plan,
         _record(run.stages),
         source.results_data,
-        fits.results,
+        replace(fits.results, stored=_value(left)),
         UncertaintyOfResult(
             names,
             _value(theorem1),

@@ -21,6 +21,7 @@ FAILING = {
     "cross-check": "oed.study.stages.cross_check.importance_sample",
     "validation": "oed.study.stages.validation.validate",
     "tool": "oed.study.stages.tool.predict_tool",
+    "residuals": "oed.study.stages.residuals.standardised_residuals",
     "responses": "oed.study.stages.responses.log_frf_gradients",
     "section summary": "reports.sections.summary.filled",
     "section fit": "reports.sections.fit.run_table",

@@ -22,6 +22,7 @@ STAGES = {
     "profiles",
     "cross-check",
     "tool",
+    "residuals",
     "responses",
 }
 INFORMATION = "stages/information/information.h5"

@@ -11,9 +11,9 @@ from typing import Any
 from estimators.fitting.least_squares import Fit, likelihood_fit
 from estimators.fitting.run_fit import RunFit
 from estimators.sampling.convergence import StoppingCriterion
-from estimators.sampling.log_posterior import has_noise_weights
 from estimators.sampling.posterior import Posterior, check_sizes, sample_posterior
 from oed.study.stage_cache import Stage, dataclass_files
+from oed.study.stages.residuals import FitResiduals, has_likelihood
 from oed.study.stages.result import SelectedFit
 from oed.study.stages.run import Run
 from robotmodels.common.errors import InvalidInput
@@ -47,18 +47,19 @@ def posterior(run: Run, result: Stage[SelectedFit]) -> Stage[Posterior]:
     return _sampled(run, result, "posterior", likelihood_of)
 
 
-def cost_posterior(run: Run, result: Stage[SelectedFit]) -> Stage[Posterior] | None:
+def cost_posterior(
+    run: Run, result: Stage[SelectedFit], residuals: FitResiduals | None
+) -> Stage[Posterior] | None:
     """Return draws by the result's cost, if its weights are not those of the noise."""
-    if isinstance(result.value.fit, RunFit) or has_noise_weights(result.value.fit):
+    fit = result.value.fit
+    if has_likelihood(fit) if residuals is None else residuals.noise_weights:
         return None
     return _sampled(run, result, "cost-posterior", lambda fit: fit)
 
 
 def likelihood_of(fit: Fit | RunFit) -> Fit | RunFit:
     """Return the fit whose cost is the likelihood: itself if its weights are the noise's."""
-    if isinstance(fit, RunFit) or has_noise_weights(fit):
-        return fit
-    return likelihood_fit(fit)
+    return fit if has_likelihood(fit) else likelihood_fit(fit)
 
 
 def _sampled(
