@@ -164,8 +164,8 @@ def _results(
     best, attempt = fits.result, run.stages.attempt
     theorem1 = attempt("uncertainty", lambda: uncertainty(run, best))
     drawn = attempt("posterior", lambda: posterior(run, best))
-    left = attempt("residuals", lambda: residuals(run, best))
-    by_cost = attempt("cost-posterior", lambda: cost_posterior(run, best, _value(left)))
+    unexplained = attempt("residuals", lambda: residuals(run, best))
+    by_cost = attempt("cost-posterior", lambda: cost_posterior(run, best, _value(unexplained)))
     curves = attempt("profiles", lambda: profiles(run, best, theorem1))
     plan = source.plan
     predicted = attempt("tool", lambda: tool(run, best, theorem1, drawn, plan.positions))
@@ -181,7 +181,7 @@ def _results(
         plan,
         _record(run.stages),
         source.results_data,
-        replace(fits.results, stored=_value(left)),
+        replace(fits.results, stored=_value(unexplained)),
         UncertaintyOfResult(
             names,
             _value(theorem1),
