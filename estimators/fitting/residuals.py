@@ -115,12 +115,12 @@ def find_residual(residual: str | ResidualForm | Residual) -> Residual:
 
 
 def nls(measured: ComplexArray, modelled: ComplexArray) -> ComplexArray:
-    """Nonlinear least squares residual, [WM] (4c)."""
+    """Nonlinear least squares residual $G_m - G$ of a measured FRF $G_m$, [WM] (4c)."""
     return np.asarray(find_residual("nls").error(measured, modelled), dtype=complex)
 
 
 def lls(measured: ComplexArray, modelled: ComplexArray) -> ComplexArray:
-    """Log residual, [WM] (7c); the ratio keeps the phase in (-pi, pi].
+    """Log residual $log(G_m / G)$, [WM] (7c); the ratio keeps the phase in (-pi, pi].
 
     Raises
     ------
@@ -131,7 +131,7 @@ def lls(measured: ComplexArray, modelled: ComplexArray) -> ComplexArray:
 
 
 def lls_magnitude(measured: ComplexArray, modelled: ComplexArray) -> Array:
-    """Log residual of the magnitudes only: LLSM of [WM] 6, the real part of (7c)."""
+    """Log residual of the magnitudes only, $log |G_m / G|$: LLSM of [WM] 6, real part of (7c)."""
     return find_residual("lls_magnitude").error(measured, modelled).real
 
 

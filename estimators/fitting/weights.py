@@ -150,6 +150,9 @@ def optimal_weights(
 ) -> Array | ComplexArray:
     """Return the weights of least covariance: [WM] (6) for nls, (8) for log residuals.
 
+    These are $W = Lambda^-1$ and $W = diag(G)^H Lambda^-1 diag(G)$, Lambda the covariance of the
+    errors of vec G.
+
     Variances that were estimated come from neighbouring lines, and from the line itself only as far
     as neighbours tell less, see `pooled_noise`: weights that follow a line's own scatter make it
     look more certain than it is.

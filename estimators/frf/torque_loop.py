@@ -25,7 +25,7 @@ _LEAST = 3  # equations in excess of a window's unknowns
 
 @dataclass(frozen=True, eq=False)
 class TorqueLoop:
-    """Measured over commanded torques of n motors, gain e^{-j omega delay} / (1 + j omega lag).
+    """Measured over commanded torques of n motors, $gain e^(-j omega delay) / (1 + j omega lag)$.
 
     Attributes
     ----------

@@ -103,6 +103,10 @@ class Uncertainty(ReprHtml):
 def covariance(fit: FittedModel, method: str = "theorem1", lags: int | None = None) -> Uncertainty:
     """Return the covariance of ln theta by the sandwich of [WM] Theorem 1, (5).
 
+    $P = H^-1 J H^-1$, with the bread $H = 2 Re sum_k conj(Psi_k) W_k Psi_k^T$ and the meat
+    $J = 2 Re sum_k conj(Psi_k) W_k Lambda_k W_k Psi_k^T$ over positions and lines k: $Psi_k$ is
+    the derivative of vec G by ln theta, $W_k$ the weight, $Lambda_k$ the covariance of the errors.
+
     Any residual and weights; a prior counts as the k more data it is. With a robust loss bread and
     meat have the factors of normal noise. Variances have the degrees of freedom of the estimate's
     covariance, each line's weighed by what it adds (Satterthwaite 1946).

@@ -43,7 +43,7 @@ CRITERIA: dict[str, Objective] = {kind: _plain(kind) for kind in ("D", "A", "E")
 
 @dataclass(frozen=True, eq=False)
 class CCriterion:
-    """The variance of one combination of the parameters, c' theta.
+    """The variance of one combination of the parameters, $c^T M^-1 c$.
 
     Attributes
     ----------
@@ -74,6 +74,8 @@ class CCriterion:
 @dataclass(frozen=True)
 class DsCriterion:
     """The volume of the confidence ellipsoid of some parameters; the others are nuisance.
+
+    It is $det(B^T M^-1 B)^(1/2)$ up to a factor, with the unit vectors B of these parameters.
 
     Attributes
     ----------
@@ -112,7 +114,7 @@ class DsCriterion:
 
 @dataclass(frozen=True)
 class AsCriterion(DsCriterion):
-    """The sum of the variances of some parameters; the others are nuisance."""
+    """The sum of the variances of some parameters, $tr(B^T M^-1 B)$; the others are nuisance."""
 
     name: str = "A_s"
     kind: ClassVar[Kind] = "A"
@@ -137,7 +139,7 @@ class LargestVarianceCriterion(DsCriterion):
 
 @dataclass(frozen=True, eq=False)
 class ICriterion:
-    """The mean variance of predictions, tr(L M^-1).
+    """The mean variance of predictions, $tr(L M^-1)$.
 
     Attributes
     ----------

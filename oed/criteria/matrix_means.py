@@ -31,6 +31,8 @@ OPEN = 1e-9
 class MatrixMean:
     """One of the three functions for one set of combinations.
 
+    With $C = B^T M^-1 B$, (m, m): D is $det(C)^(-1/m)$, A is $1 / tr C$, E is $1 / lambda_max(C)$.
+
     Attributes
     ----------
     kind : Kind

@@ -60,8 +60,8 @@ class Objective:
     def value(self, information: Array) -> float:
         """Return the criterion in its usual form, -inf if a combination is undetermined.
 
-        D: log det M, D_s: -log det of the covariance of what is of interest; A, c, I: minus the
-        (weighted) sum of variances; E: the smallest eigenvalue; all others: the log value.
+        D: $log det M$; D_s: $-log det C$, C the covariance of what is of interest; A: $-tr M^-1$,
+        c and I likewise of their combinations; E: $lambda_min(M)$; all others: the log value.
         """
         return self.usual_form(self.log_value(information), information.shape[-1])
 

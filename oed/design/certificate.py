@@ -122,8 +122,8 @@ def optimality_gap(
 ) -> float:
     """Return how much better than this design another could be; 0 at an optimum.
 
-    For D without constraints max_i tr(M^-1 H_i)/p - 1; infinite where the design leaves something
-    open that the criterion asks for.
+    For D without constraints $max_i tr(M^-1 H_i) / p - 1$; infinite where the design leaves
+    something undetermined that the criterion needs.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ def efficiency_bound(gap: float) -> float:
     """Return the least efficiency of a design with that gap.
 
     Values being proportional to information, it is the share of experiments with which an optimal
-    design would do as well; for D it is (det M / det M_optimal)^(1/p).
+    design would do as well; for D it is $(det M / det M_opt)^(1/p)$.
     """
     return 1.0 / (1.0 + gap)
 

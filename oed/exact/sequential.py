@@ -142,7 +142,7 @@ def next_experiments(
 
 
 def measured_information(info: Candidates, repetitions: Sequence[int] | IntArray) -> Array:
-    """Return the information, (p, p), of experiments already made: sum_i n_i H_i.
+    """Return the information, (p, p), of experiments already made: $sum_i n_i H_i$.
 
     Parameters
     ----------

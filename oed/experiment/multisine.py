@@ -200,7 +200,7 @@ def band_multisine(
 
 
 def fourier_matrix(n: int) -> ComplexArray:
-    """Return T_il = e^{2 pi j i l / n}, (n, n); T T^H = n I."""
+    """Return $T_il = e^(2 pi j i l / n)$, (n, n); $T T^H = n I$."""
     # Reduced modulo n first: e^{2 pi j} is 1 but for rounding.
     index = np.arange(n)
     return np.asarray(np.exp(2j * np.pi * (np.outer(index, index) % n) / n))

@@ -146,6 +146,10 @@ def information(
 ) -> "InformationSet | StoredInformation":
     """Return the information of one experiment in each position, at fixed equilibria.
 
+    $H_i = 2 Re sum_k conj(Psi_k) Lambda_k^-1 Psi_k^T$ over the lines k, with the derivatives
+    $Psi_k$ of vec G by ln theta and the covariance $Lambda_k$ of its errors; for all experiments
+    together $M = sum_i n_i H_i$, and the covariance of the estimates is $M^-1$.
+
     For the built-in robots the latter changes no standard deviation by more than 0.3 % (15 random
     positions, 2 to 80 Hz); for soft robots under heavy loads it may, and `equilibrium_shift` is
     exact.

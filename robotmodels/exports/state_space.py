@@ -24,7 +24,7 @@ _RESERVED = str.maketrans(".[]", "___")
 
 @dataclass(frozen=True, eq=False)
 class StateSpaceModel:
-    """x' = A x + B u, y = C x + D u about the equilibria at Q positions; delays are beside it.
+    """$x' = A x + B u, y = C x + D u$ about the equilibria at Q positions; delays are beside it.
 
     States are deviations of the d coordinates from equilibrium, then their rates, then the l
     torques and readings with a first-order lag; inputs are deviations of the commanded motor

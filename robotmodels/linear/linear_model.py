@@ -144,7 +144,7 @@ def motor_measurement(selector: Array, order: int = 2) -> Measurement:
 
 @dataclass(frozen=True, eq=False)
 class LinearModel:
-    """M q'' + D q' + K q = S u about one equilibrium, or about many (leading axes).
+    """$M q'' + D q' + K q = S u$ about one equilibrium, or about many (leading axes).
 
     Its `resonances`, `rigid_modes`, `anti_resonances`, damping ratios (`damped_modes`) and the
     model with a clamped motor (`clamped`) are functions of `robotmodels.linear.modes`, all of

@@ -274,7 +274,7 @@ def kronecker(left: ComplexArray, right: ComplexArray) -> ComplexArray:
 class RelativeNoise:
     """Circular complex noise of a relative part and a floor, independent over elements.
 
-    var G_ij = (relative |G_ij|)^2 + (floor max_kl |G_kl|)^2 at each position and frequency.
+    $var G_ij = (relative |G_ij|)^2 + (floor max_kl |G_kl|)^2$ at each position and frequency.
 
     Attributes
     ----------

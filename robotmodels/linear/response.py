@@ -60,6 +60,7 @@ def frequency_response(
 ) -> ComplexArray:
     """Return G, (Q, F, m, n): motor torque [N m] to motor acceleration [rad/s^2].
 
+    $G = -omega^2 S^T (K + j omega D - omega^2 M)^-1 S$ of the linear model about each equilibrium.
     A robot file may ask for motor speed or angle instead, and add accelerometers [m/s^2].
 
     Parameters

@@ -25,7 +25,7 @@ _STEP, _ROUNDS, _LINES = 0.3, 60, 400
 
 @dataclass(frozen=True, eq=False)
 class DeterminantLocus:
-    """det(1 + F G) in one position, and the Nyquist criterion of its stability.
+    """$det(1 + F G)$ in one position, and the Nyquist criterion of its stability.
 
     Attributes
     ----------

@@ -93,7 +93,7 @@ class LinearFeedback:
 
 @dataclass(frozen=True)
 class Notch:
-    """(s^2 + 2 z w s + w^2) / (s^2 + 2 p w s + w^2): damping z of the zeros below p of the poles.
+    """$(s^2 + 2 z w s + w^2) / (s^2 + 2 p w s + w^2)$: damping z of the zeros below p of the poles.
 
     Attributes
     ----------

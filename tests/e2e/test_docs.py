@@ -122,6 +122,34 @@ def test_formulas_become_mathml():
     assert "<msup>" in block
 
 
+@pytest.mark.parametrize(
+    ("plain", "latex"),
+    [
+        ("P = H^-1 J H^-1", r"P = H^{-1} J H^{-1}"),
+        ("sum_k conj(Psi_k)", r"\sum _{k} \overline{\Psi _{k}}"),
+        ("lambda_min(M) >= 0", r"\lambda _{\min }(M) \ge  0"),
+        ("floor sqrt(x_ij)^(1/p)", r"\mathrm{floor} \sqrt{x_{ij}}^{1/p}"),
+    ],
+)
+def test_formulas_of_docstrings_become_latex(plain, latex):
+    assert hook("mathematics").latex(plain) == latex
+
+
+def test_formulas_of_docstrings_have_no_word_that_is_unknown():
+    """Each word is a function, a Greek letter, a symbol of two letters, or a name beside."""
+    names = {"relative", "floor", "gain", "lag", "delay", "opt"}
+    latex = hook("mathematics").latex
+    formulas = [
+        formula
+        for package in ("robotmodels", "estimators", "oed")
+        for path in (ROOT / package).rglob("*.py")
+        for formula in re.findall(r"\$(\S[^$\n]*\S)\$", path.read_text(encoding="utf-8"))
+    ]
+    assert len(formulas) > 20
+    for formula in formulas:
+        assert set(re.findall(r"mathrm\{(\w+)\}", latex(formula))) <= names, formula
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
 def test_functions_named_in_a_page_exist(page):
     """`package.module.name` in running text is something that can be imported."""
@@ -164,4 +192,6 @@ def test_the_site_builds_without_warnings(tmp_path):
         f"{one.stem}/index.html" in listed for one in DOCS.rglob("*.md") if one.stem != "index"
     )
     reference = (tmp_path / "site" / "api" / "uncertainty" / "index.html").read_text("utf-8")
+    assert "$" not in re.sub(r"<(script|code|pre)\b.*?</\1>", "", reference, flags=re.DOTALL)
+    assert "<msup><mi>H</mi>" in reference  # of Theorem 1
     assert "<code>ndarray, (Q, n), rad</code>" in reference  # as it is written, no Python tuple
