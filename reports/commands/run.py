@@ -97,11 +97,16 @@ def _command(study: Path) -> str:
 
 def _computed(study: Path, workers: int, cluster: str | None, fresh: bool) -> "StudyResults":
     """Return the results of a study, its files and pages written."""
-    # Imported here: `oed --help` need not wait for the numerics.
-    from oed.study.pipeline import run_study
-    from reports.pages.study_page import write_report
+
+    def run_study(*arguments: Any, **options: Any) -> "StudyResults":
+        # Imported here: other processes begin meanwhile.
+        from oed.study import pipeline
+
+        return pipeline.run_study(*arguments, **options)
 
     def pages(results: Any, folder: Path, progress: Any) -> "tuple[Failure, ...]":
+        from reports.pages.study_page import write_report
+
         return write_report(results, folder / "report.html", progress, _command(study))
 
     results = compute_study(study, run_study, workers, fresh, pages, cluster=cluster)

@@ -13,7 +13,7 @@ from reports.commands.options import about, fail, warn
 from reports.commands.stopping import INTERRUPTED, stoppable, stopping_at_steps
 from reports.commands.workers import one_thread_each, shared
 from robotmodels.common.errors import IdentificationError, InvalidInput
-from robotmodels.common.process_pool import collect_rarely
+from robotmodels.common.process_pool import ProcessPool, collect_rarely
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -189,16 +189,19 @@ def compute_study(
         If the study cannot be read or no scheduler answers; and what `step` raises.
     """
     content = read_study(study)
-    from oed.study.json_output import write_results
     from robotmodels.common.atomic_files import staged_folder
 
     collect_rarely()
     new = fresh or not (content.output / "stages").exists()
     if new:
         tell_of_compiling()
-    module = step.__module__ if new else None
+    module = "oed.study.pipeline" if new else None
     with working(study, workers, cluster, module) as (progress, executor):
         results = step(content, progress, executor=executor, fresh=fresh)
+        if isinstance(executor, ProcessPool):
+            executor.shutdown(wait=False)  # they end while the pages are drawn
+        from oed.study.json_output import write_results
+
         with staged_folder(content.output) as folder:
             write_results(results, folder)
             if pages is not None:

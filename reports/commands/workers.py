@@ -57,18 +57,14 @@ def process_pool(workers: int, module: str | None = None) -> Iterator[Executor |
     pool = ProcessPool(workers, RETRIES)
     try:
         with waking(pool.terminate):
-            for _ in range(workers if module else 0):
-                pool.submit(_load, module)
+            if module is not None:
+                pool.load(module)
             yield pool
     except BaseException:
         pool.terminate()  # their results are not needed any more
         raise
     finally:
         pool.shutdown(cancel_futures=True)
-
-
-def _load(module: str) -> None:
-    import_module(module)
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
+from importlib import import_module
 from multiprocessing.connection import wait
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -76,6 +77,11 @@ class ProcessPool(Executor):
         self._start(outer, partial(fn, *args, **kwargs))
         return outer
 
+    def load(self, module: str) -> None:
+        """Let each process load a module that its next tasks need."""
+        for _ in range(self.workers):
+            self.submit(_load, module)
+
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End the processes when they have done what they were given; deaths now count."""
         with self._lock:
@@ -141,6 +147,10 @@ class ProcessPool(Executor):
     def _explained(self, error: BrokenProcessPool) -> Exception:
         """Return the error of processes that never began to work; the same for others."""
         return error if self._begun.is_set() else ProcessesNeverBegan(_NEVER_BEGAN)
+
+
+def _load(module: str) -> None:
+    import_module(module)
 
 
 class Behind(Executor):

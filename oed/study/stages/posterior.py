@@ -17,6 +17,7 @@ from oed.study.stages.residuals import FitResiduals, has_likelihood
 from oed.study.stages.result import SelectedFit
 from oed.study.stages.run import Run
 from robotmodels.common.errors import InvalidInput
+from robotmodels.common.process_pool import ProcessPool
 from robotmodels.common.progress import Progress
 
 THIN = 5
@@ -68,6 +69,8 @@ def _sampled(
     choice = run.study.posterior
 
     def compute(folder: Path, report: Progress | None) -> Posterior:
+        if isinstance(run.executor, ProcessPool):
+            run.executor.load("estimators.sampling.ensemble")  # while this one prepares
         return sample_posterior(
             density(result.value.fit),
             rng=run.rng(name),
