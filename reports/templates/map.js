@@ -74,7 +74,7 @@
       const where = (one) => data.names.map((name, k) => `${name.replace(/ \[.*/, "")} ${words(one[k])}`).join(", ");
       const [[d0, k0], [d1, k1], [d2, k2]] = [data.plan, order.map((q) => candidates[q]).reverse(), data.refused].map(nearest);
       if (d0 < 9) readout.textContent = `Position ${k0 + 1}, ${data.visits[k0]}: ${where(data.plan[k0])}`;
-      else if (d2 < d1) readout.textContent = `Refused (${data.reasons[data.reason[k2]]}): ${where(data.refused[k2])}`;
+      else if (d2 < d1) readout.textContent = `Rejected (${data.reasons[data.reason[k2]]}): ${where(data.refused[k2])}`;
       else {
         const q = order[order.length - 1 - k1];
         readout.textContent = `Candidate, sensitivity ${sensitivity[q].toFixed(2)}: ${where(candidates[q])}`;

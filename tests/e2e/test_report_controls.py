@@ -2,13 +2,16 @@
 
 import csv
 import io
+import itertools
+import json
 import re
 import shutil
 from decimal import Decimal, InvalidOperation
 
+import numpy as np
 import pytest
 from browser import chromium, open_page, violations
-from conftest import oed
+from conftest import STUDY, oed, write_study
 
 DESKTOP, PHONE = (1280, 900), (390, 800)
 OPEN = "all => all.forEach((one) => { one.open = true; })"
@@ -22,7 +25,7 @@ def browser():
 
 @pytest.fixture(scope="module")
 def pages(small_study, tmp_path_factory):
-    """Pages of a study, of its design, of a robot, and of two studies."""
+    """Pages of a study, of its design, of one with a floor, of a robot, and of two studies."""
     folder = tmp_path_factory.mktemp("pages")
     shutil.copytree(small_study[0].parents[1], folder / "study")
     study = folder / "study" / "study.yaml"
@@ -36,8 +39,14 @@ def pages(small_study, tmp_path_factory):
     target = folder / "comparison.html"
     code, _, err = oed("report", study, other, "-o", target, "--workers", 1)
     assert (code, err) == (0, "")
+    low = STUDY.replace("[-2.5, -0.5]", "[-2.5, 0.6]").replace(
+        "per_joint", "floor: 0.0\n  per_joint"
+    )
+    code, _, err = oed("design", write_study(folder / "low", low), "--workers", 1)
+    assert (code, err) == (0, "")
     results = study.parent / "results" / "here"
     return {
+        "rejected": folder / "low" / "results" / "here" / "design.html",
         "study": small_study[0] / "report.html",
         "design": results / "design.html",
         "check": folder / "check.html",
@@ -184,33 +193,95 @@ def test_the_keyboard_skips_to_the_content_and_stops_only_where_something_scroll
 
 
 QUESTIONS = {
-    # question: page, links to click, what answers it
-    "May I trust these numbers?": ("study", [], ".banner .verdict"),
-    "Which standard deviation do I quote?": ("study", [], "text=Quote the recommended"),
-    "What do I do next?": ("study", [], ".banner >> text=Next:"),
-    "Which position do I measure first?": ("design", ["Positions"], "#plan tbody tr >> nth=0"),
-    "How long is the robot needed?": ("study", [], ".tiles >> text=robot time"),
-    "How sure is the damping of d3?": ("study", ["Parameters"], "#estimates >> text=d3.damping"),
-    "What unit is this?": ("study", ["Parameters"], "#estimates >> text=kN m/rad >> nth=0"),
-    "Why were candidates refused?": (
-        "design",
-        ["Candidates"],
-        "text=/Rejected|candidate position/",
+    # question: page, links to click, where the answer is, and what it must say
+    "May I trust these numbers?": ("study", [], ".banner .verdict", "{verdict}"),
+    "Which standard deviation do I quote?": (
+        "study",
+        [],
+        ".banner >> text=Quote the recommended",
+        "standard deviations .*Theorem 1",
     ),
-    "What is R-hat?": ("study", [], ".tiles abbr[title^='Variance of the draws']"),
-    "How do I make this page again?": ("study", ["Provenance"], "pre >> text=oed run"),
-    "Do two studies differ?": ("comparison", ["Estimates"], "#differences-1 >> text=p-value"),
-    "What is wrong with my robot file?": ("check", [], ".banner .verdict"),
+    "What do I do next?": ("study", [], ".banner p:has-text('Next:')", "Next: ."),
+    "Which position do I measure first?": (
+        "design",
+        ["Positions"],
+        "#plan tbody tr >> nth=0",
+        "^1 {first}",
+    ),
+    "How long is the robot needed?": ("study", [], ".tiles div:has-text('robot time')", r"\d.* s"),
+    "How sure is the damping of d3?": (
+        "study",
+        ["Parameters"],
+        "#estimates tr:has-text('d3.damping')",
+        "{std}",
+    ),
+    "What unit is this?": (
+        "study",
+        ["Parameters"],
+        "#estimates tr:has-text('d3.stiffness')",
+        "kN m/rad",
+    ),
+    "How accurate will the plan be?": (
+        "design",
+        ["Design"],
+        "[aria-labelledby=design] p:has-text('Expected relative')",
+        "{predicted}",
+    ),
+    "Why were candidates rejected?": (
+        "rejected",
+        ["Candidates"],
+        "[aria-labelledby=candidates] p:has-text('Rejected for')",
+        "Rejected for .*: 8[.,]",
+    ),
+    "What is R-hat?": ("study", [], ".tiles abbr:has-text('R-hat')", "R-hat"),
+    "How do I make this page again?": ("study", ["Provenance"], "pre:has-text('oed run')", "study"),
+    "Do two studies differ?": (
+        "comparison",
+        ["Estimates"],
+        "figure:has(#differences-1), div:has(> #differences-1), #differences-1",
+        "p-value",
+    ),
+    "What is wrong with my robot file?": ("check", [], ".banner .verdict", "Nothing looks wrong"),
 }
+"""What people ask; each answer is on one screen, or there after two clicks at most."""
+
+
+@pytest.fixture(scope="module")
+def facts(pages):
+    """What the files say, in the words of pages."""
+    folder = pages["study"].parent
+    design = json.loads((folder / "design.json").read_text())
+    trust = json.loads((folder / "uncertainty.json").read_text())["trust"]
+    (damper,) = (one for one in trust["intervals"] if one["name"] == "d3.damping")
+    angles = np.degrees(design["positions"][0]["position"])
+    return {
+        "verdict": trust["verdict"].capitalize(),
+        "first": " ".join(f"{angle:.0f}".replace("-", "−") for angle in angles),
+        "std": f"{100 * damper['std'] / damper['value']:.2f} ",
+        "predicted": f"{100 * max(design['predicted']['std']):.2g} ?.?%",
+    }
 
 
 @pytest.mark.parametrize("question", QUESTIONS)
-def test_questions_are_answered_on_one_screen_or_within_two_clicks(browser, pages, question):
-    name, links, answer = QUESTIONS[question]
+def test_questions_are_answered_on_one_screen_or_within_two_clicks(browser, pages, facts, question):
+    name, links, answer, words = QUESTIONS[question]
+    assert len(links) <= 2
     with open_page(browser, pages[name], *DESKTOP) as (page, _):
         page.evaluate("document.documentElement.style.scrollBehavior = 'auto'")
         for link in links:
             page.locator("nav").get_by_text(link, exact=True).click()
-        box = page.locator(answer).first.bounding_box()
-        assert box is not None
-        assert box["y"] < 1.5 * DESKTOP[1]  # of where the link leads
+        found = page.locator(answer).first
+        box, said = found.bounding_box(), " ".join(found.inner_text().split())
+        assert re.search(words.format(**facts) if "{" in words else words, said), said
+        assert 0 <= box["y"] < DESKTOP[1] - 30
+
+
+def test_the_map_says_why_a_position_was_rejected(browser, pages):
+    with open_page(browser, pages["rejected"], *DESKTOP) as (page, _):
+        map_ = page.locator("#design-map")
+        box, said = map_.locator("svg").bounding_box(), set()
+        for x, y in itertools.product(np.linspace(0.1, 0.98, 30), np.linspace(0.05, 0.9, 15)):
+            at = {"clientX": box["x"] + x * box["width"], "clientY": box["y"] + y * box["height"]}
+            map_.locator("svg").dispatch_event("pointermove", at)
+            said.add(map_.locator("output").text_content())
+    assert any(re.match(r"Rejected \(.*floor.*\): m2", one) for one in said), said
