@@ -92,7 +92,9 @@ def _more_measurements(results: FittedStudy) -> NextStep:
     std = results.trust.std
     names = [n for n, s in zip(results.trust.names, std, strict=True) if not s <= PRECISE]
     if not names:
-        return NextStep("none", f"nothing: every parameter is known to {100 * PRECISE:g} %")
+        return NextStep(
+            "none", f"nothing: every relative standard deviation is at most {100 * PRECISE:g} %"
+        )
     positions, gain = _best_repeated(results, names)
     whose = names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
     sentence = (

@@ -75,7 +75,7 @@ def plan_table(comparison: PlanComparison) -> Table:
         Column("plan"),
         *numbers("positions", "relative efficiency, predicted", "simulated"),
         Column("95 % interval [–]"),
-        *numbers("optimal more certain of", "less certain of"),
+        *numbers("smaller variance with the optimal plan", "larger variance"),
     ]
     caption = (
         "Relative efficiency of each plan against the optimal one, by its information matrix and "
