@@ -28,19 +28,14 @@ def plan_of(*diagonals):
 def fitted(verdict, plan, outlying=()):
     """Return a fit whose information is that of the plan."""
     information = plan.information.take(plan.used).sum(axis=0)
-    linear = SimpleNamespace(
-        names=NAMES,
-        jacobian=np.sqrt(information / 2),
-        noise_weights=np.ones(2),
-        prior=np.zeros((2, 2)),
-    )
     trust = SimpleNamespace(
         verdict=Verdict(verdict, "why"),
         names=NAMES,
         std=1 / np.sqrt(np.diag(information)),
     )
     fits = SimpleNamespace(
-        result=SimpleNamespace(trust=trust, linearise=lambda: linear),
+        result=SimpleNamespace(trust=trust),
+        information=information,
         residuals=SimpleNamespace(outlying=np.array(outlying, dtype=int)),
         identifiability=identifiability(information, NAMES),
     )
