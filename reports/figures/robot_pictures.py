@@ -111,7 +111,7 @@ def stick_figure(
     numbers = "".join(
         f'<text x="{x:.3f}" y="{y:.3f}" dx=".5em" font-size="{scale * _LETTERS:.4f}" {_OUTLINED}>'
         f"{label}</text>"
-        for label, (x, y) in zip(_labels(marked), seen(marked), strict=True)
+        for label, (x, y) in zip(_labels(seen(marked), scale * _LETTERS), seen(marked), strict=True)
     )
     data = {"robot": skeleton.tolist(), "marks": marked.tolist()}
     if modes is not None:
@@ -134,12 +134,14 @@ def _mode_data(modes: ModeMovements) -> list[list[object]]:
     return [list(one) for one in zip(hertz, *moved, strict=True)]
 
 
-def _labels(marks: Array) -> list[str]:
-    """Return the numbers of marks (r, 3), those at one point together at the first of them."""
-    alike = [np.flatnonzero((marks == one).all(axis=1)) for one in marks]
-    return [
-        ", ".join(str(k + 1) for k in same) if same[0] == i else "" for i, same in enumerate(alike)
-    ]
+def _labels(spots: Array, near: float) -> list[str]:
+    """Return the numbers of spots (r, 2), those near an earlier one with the numbers of that."""
+    leaders = list[int]()
+    for i, spot in enumerate(spots):
+        away = np.linalg.norm(spots[:i] - spot, axis=1)
+        leaders.append(next((leaders[k] for k in np.flatnonzero(away < near)), i))
+    numbers = [[str(k + 1) for k, one in enumerate(leaders) if one == i] for i in range(len(spots))]
+    return [", ".join(one) for one in numbers]
 
 
 def _floor(radius: float) -> list[Array]:

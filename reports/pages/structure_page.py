@@ -21,8 +21,11 @@ from reports.page_elements import (
     page_banner,
     table,
 )
+from reports.sections.model_errors import worst_position
 from robotmodels.common.atomic_files import write_text
 from robotmodels.elastic.rigid_pose import spring_origins
+
+_UNITS = {"relative": "–", "standard deviations": "std"}
 
 MARKED = 4
 """Springs with the strongest evidence, which the picture marks."""
@@ -111,7 +114,7 @@ def step_table(structure: Structure) -> Table:
         what = f"{step.action} {step.spring}{instead}"
         falls = _number(step.expected), _number(step.fall)
         rows.append((what, *falls, _number(step.bic, 6)))
-    columns = [Column("step"), *numbers("expected fall", "fall of the cost", "BIC")]
+    columns = [Column("step", "words"), *numbers("expected fall", "fall of the cost", "BIC")]
     if misfits is not None:
         columns += numbers("held out")
         rows = [(*row, _number(each)) for row, each in zip(rows, misfits, strict=True)]
@@ -126,7 +129,7 @@ def score_table(structure: Structure) -> Table:
             _number(score.probability, 2),
             _number(score.estimate),
             " to ".join(text.significant(end, 3) for end in score.interval),
-            score.unit,
+            _UNITS.get(score.unit, text.pretty_unit(score.unit)),
             _number(score.fall),
         )
         for score in structure.scores
@@ -139,7 +142,10 @@ def score_table(structure: Structure) -> Table:
         Column("unit", "u"),
         *numbers("expected fall"),
     ]
-    caption = "Sizes by one linear step; those of springs are compliances and non-negative."
+    caption = (
+        "Sizes by one linear step, relative where no unit is given; those of springs are "
+        "compliances and non-negative."
+    )
     return table("tests", caption, columns, rows)
 
 
@@ -149,16 +155,17 @@ def suspects(results: FittedStudy, structure: Structure) -> tuple[RobotDrawings 
     springs = [score.spring for score in firing[:MARKED] if score.spring is not None]
     if not springs:
         return None, ""
-    position = results.plan.positions[0]
+    number = worst_position(results)
+    position = results.plan.positions[number]
     named = [f"{k} {_words(score)}" for k, score in enumerate(firing[:MARKED], start=1)]
-    caption = f"Marked: {text.listed(named)}."
+    caption = f"Marked, in position {number + 1}: {text.listed(named)}."
     marks = spring_origins(results.robot, springs, position)
     alt = f"The robot. {caption}"
     return robot_drawings(results.robot, position[None], [alt], marks=[marks]), caption
 
 
 def _words(score: Score) -> str:
-    return f"{score.name} (p = {text.significant(score.probability, 2)})"
+    return f"{score.name} (p-value {text.probability(score.probability)})"
 
 
 def _number(value: float, digits: int = 3) -> Number:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from estimators.trust.rule import LEVEL
-from oed.study.results import StudyResults
+from oed.study.results import FittedStudy, StudyResults
 from reports import text
 from reports.figures.robot_bodies import robot_drawings
 from reports.page_elements import Figure
@@ -22,8 +22,7 @@ def picture(results: StudyResults) -> Figure | None:
     It is drawn in the position that fits worst.
     """
     tests, robot, positions = results.trust.tests, results.robot, results.plan.positions
-    misfits, fired = results.fits.residuals.by_position, tests.significant(LEVEL)
-    number = int(np.argmax(misfits)) if len(misfits) == len(positions) else 0
+    fired, number = tests.significant(LEVEL), worst_position(results)
     position = positions[number]
     points, marked = part_origins(robot, position), dict[str, str]()
     for i in fired:
@@ -38,6 +37,12 @@ def picture(results: StudyResults) -> Figure | None:
     alt = f"The robot. {caption}"
     (drawing,) = robot_drawings(robot, position[None], [alt], marks=[marks]).drawings
     return Figure("model-errors", drawing, caption)
+
+
+def worst_position(results: FittedStudy) -> int:
+    """Return the position of the plan that fits worst, counted from 0."""
+    misfits = results.fits.residuals.by_position
+    return int(np.argmax(misfits)) if len(misfits) == len(results.plan.positions) else 0
 
 
 def part_of(test: str, parts: Iterable[str]) -> str | None:

@@ -71,7 +71,7 @@ def test_score_tests_without_a_choice(study, monkeypatch, capsys) -> None:
     assert "0 springs added: no more than 0 were requested" in out
     assert "arm1 67 % z" in out
     page = (study.parent / "out" / "structure.html").read_text()
-    assert "The robot. Marked: 1 " in page
+    assert "The robot. Marked, in position " in page
     assert "Springs in one row" not in page
     assert load_robot(study.parent / "out" / "structure.yaml").parameters.names == (
         ROBOT.parameters.names
