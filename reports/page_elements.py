@@ -169,7 +169,7 @@ def table(
 
 
 _DIMENSIONLESS = re.compile(
-    r"p-value|probability at most|share|correlation|ratio|gear ratio|z|dof|R-hat|ESS|BIC|score|cost"
+    r"p-value|share|correlation|ratio|gear ratio|z|dof|R-hat|ESS|BIC|score|cost"
     r"|over best|expected fall|fall of the cost|held out|misfit per datum|independent|simulated"
     r"|residuals over expected"
     r"|(relative efficiency|inflation|condition|largest singular value|from ).+|.+ / .+"

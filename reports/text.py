@@ -120,9 +120,10 @@ def duration(seconds: float) -> str:
 
 
 def sentence(words: str) -> str:
-    """Return words that begin with a capital letter, unless they begin with a name of a file."""
+    """Return words that begin with a capital letter, unless with a file's name or a command."""
     first = words.split(" ", 1)[0].rstrip(":,;")
-    return f"{words[:1].upper() if first.isalpha() else words[:1]}{words[1:]}"
+    plain = first.isalpha() and first != "oed"
+    return f"{words[:1].upper() if plain else words[:1]}{words[1:]}"
 
 
 def typeset(words: str) -> str:

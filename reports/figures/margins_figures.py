@@ -10,9 +10,9 @@ from robotmodels import DeterminantLocus
 from robotmodels.common.arrays import Array
 
 _PANELS = (
-    ("gain_margin", "gain margin", 1.0),
+    ("gain_margin", "gain margin [–]", 1.0),
     ("phase_margin", "phase margin [°]", 180 / np.pi),
-    ("peak_sensitivity", "peak of |S|", 1.0),
+    ("peak_sensitivity", "peak of |S| [–]", 1.0),
 )
 _DOTTED = (1.0, 1.65)
 _WIDTH = 0.6
@@ -24,12 +24,13 @@ def margins_by_motor(band: MarginBand, motors: Sequence[str]) -> Panels:
     names = {float(j): motor for j, motor in enumerate(motors)}
     ends, rotation = (-0.5, len(motors) - 0.5), 30.0 if len(motors) > 4 else 0.0
     rows = []
-    for name, label, factor in _PANELS:
-        last = name == _PANELS[-1][0]
+    shown = [one for one in _PANELS if np.isfinite(getattr(band.nominal, one[0])).any()]
+    for name, label, factor in shown or _PANELS[-1:]:
+        last = name == (shown or _PANELS)[-1][0]
         x = Axis("", ends, names=names, rotation=rotation, numbered=last, grid=False)
         parts = [factor * getattr(m, name) for m in (band.nominal, band.lower, band.upper)]
         rows.append([Panel(_dots(parts), x, Axis(label))])
-    return Panels((7.0, 5.6), rows)
+    return Panels((7.0, 0.5 + 1.7 * len(rows)), rows)
 
 
 def _dots(values: list[Array]) -> tuple[Curve, Curve]:

@@ -19,6 +19,7 @@ from reports.page_elements import (
     filled,
     number_cell,
     numbers,
+    percent_cell,
     table,
 )
 from reports.sections.tool import bands_words
@@ -80,7 +81,7 @@ def worst_table(margins: ControllerMargins) -> Table:
     """Return the worst of each motor over the positions."""
     columns = [
         Column("motor"),
-        *(Column(title) for title in ("gain margin", "phase margin [°]", "peak of |S|")),
+        *(Column(title) for title in ("gain margin [–]", "phase margin [°]", "peak of |S| [–]")),
         *(Column(title) for title in ("at [Hz]", "bandwidth [Hz]")),
     ]
     caption = "Worst over the positions; in brackets what the intervals allow; –: no limit."
@@ -96,14 +97,14 @@ def position_table(margins: ControllerMargins) -> Table:
             number_cell(float(band.nominal.largest_sensitivity[i]), text.significant, 3),
             margins.motors[int(np.argmax(band.nominal.peak_sensitivity[i]))],
             Number(f"{band.unstable[i]} of {band.draws}", float(band.unstable[i])),
-            number_cell(float(band.probability_bound[i]), text.percent),
+            percent_cell(float(band.probability_bound[i])),
         )
         for i in range(len(band.positions))
     ]
     columns = [
         *numbers("position", "largest singular value of S"),
         Column("motor of the highest peak"),
-        *numbers("unstable draws", "probability at most"),
+        *numbers("unstable draws", "probability at most [%]"),
     ]
     caption = "Position by position; the probability of instability is at most the last, with 95 %."
     return table("by-position", caption, columns, rows)

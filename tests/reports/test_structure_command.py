@@ -91,7 +91,7 @@ def test_a_wrong_number_of_the_robot_file_puts_springs_in_doubt(study, monkeypat
     assert document["contradicted"][0] == "delay"
     page = (study.parent / "out" / "structure.html").read_text()
     assert "No spring is missing" not in page
-    assert "the data contradict delay" in page
+    assert "The data contradict delay" in page
 
 
 def test_predictions_of_a_fit_that_lacks_a_spring_say_so(study, monkeypatch, capsys) -> None:

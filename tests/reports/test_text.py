@@ -66,6 +66,7 @@ def test_what_exceeds_one():
 def test_sentences_begin_with_a_capital_letter():
     assert text.sentence("one period") == "One period"
     assert text.sentence("") == ""
+    assert text.sentence("oed campaign ask campaign.yaml").startswith("oed ")
 
 
 def test_runs_of_numbers():
