@@ -13,7 +13,7 @@ from reports.commands.options import about, fail, warn
 from reports.commands.stopping import INTERRUPTED, stoppable, stopping_at_steps
 from reports.commands.workers import one_thread_each, shared
 from robotmodels.common.errors import IdentificationError, InvalidInput
-from robotmodels.common.process_pool import ProcessPool, collect_rarely
+from robotmodels.common.process_pool import ProcessPool, call, collect_rarely
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -197,6 +197,8 @@ def compute_study(
         tell_of_compiling()
     module = "oed.study.pipeline" if new else None
     with working(study, workers, cluster, module) as (progress, executor):
+        if new and isinstance(executor, ProcessPool):
+            executor.submit(call, "oed.study.compile_ahead", "compile_ahead")
         results = step(content, progress, executor=executor, fresh=fresh)
         if isinstance(executor, ProcessPool):
             executor.shutdown(wait=False)  # they end while the pages are drawn
