@@ -102,6 +102,7 @@ def measured(size: int, folder: Path) -> dict[str, Any]:
     beginning = clocked(lambda _: None)[1]["cpu_seconds"]
     for times in (screening, informing, designing):
         times["cpu_seconds"] -= beginning
+    resident = largest_resident()
     grid = oed.candidate_positions(robot, SIZES[size], LIMITS)
     some = grid[np.random.default_rng(0).permutation(len(grid))[:COMPARED]]
     return {
@@ -112,7 +113,7 @@ def measured(size: int, folder: Path) -> dict[str, Any]:
         "information": informing,
         "gigabytes": store.stat().st_size / 1e9,
         "design": designing | {"gap": design.gap, "rounds": design.rounds},
-        "resident_mb": largest_resident(),
+        "resident_mb": resident,
     }
 
 

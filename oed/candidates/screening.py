@@ -110,22 +110,23 @@ def screened_candidates(
     InvalidInput
         If there is no position, none remains (counted by reason), or shapes or signs do not fit.
     """
-    positions = _checked(positions, list(robot.motor_names))
-    screen = _screened(robot, positions, surroundings, torque_limits, progress, executor)
+    checked = _checked(positions, list(robot.motor_names))
+    screen = _screened(robot, checked, surroundings, torque_limits, progress, executor)
     notes: tuple[str, ...] = ("collisions are not checked",)
     if surroundings is not None:
         notes = (*surroundings.shapes.notes, "paths between positions are not checked")
     if not len(screen.remaining):
-        summary = _summary(0, len(positions), screen.removed)
+        summary = _summary(0, len(checked), screen.removed)
         worst = max(screen.removals, key=lambda removal: removal.count)
         units = "; positions are in rad, or m" if worst.reason == "joint limits" else ""
         raise InvalidInput(
             f"{summary}; most often {worst.reason}, {worst.what} ({worst.count}){units}"
         )
+    remaining = screen.of(checked)
     return ScreenedCandidates(
-        positions=read_only(screen.of(positions)),
+        positions=read_only(remaining.copy() if remaining is positions else remaining),
         indices=read_only(screen.remaining),
-        proposed=len(positions),
+        proposed=len(checked),
         removed=screen.removed,
         removals=tuple(sorted(screen.removals, key=lambda removal: -removal.count)),
         notes=notes,
@@ -242,7 +243,7 @@ def _summary(remaining: int, proposed: int, removed: dict[str, int]) -> str:
 
 
 def _checked(positions: Array, motors: list[str]) -> Array:
-    positions = real_numbers(positions, "positions")
+    positions = real_numbers(positions, "positions", copy=False)
     if positions.ndim != 2 or positions.shape[1] != len(motors) or not len(positions):
         raise InvalidInput(
             f"positions: an array of shape {positions.shape}; (Q, {len(motors)}) is "

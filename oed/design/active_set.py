@@ -16,7 +16,7 @@ from oed.design.whitening import Whitening, largest
 from robotmodels.common.arrays import Array, IntArray, read_only
 from robotmodels.common.errors import InvalidInput, SolverFailed
 
-# Rounds of multiplicative steps that look for the candidates cvxpy begins with.
+# Rounds of multiplicative steps that look for the candidates to begin with.
 _SCOUTING = 8
 # Accuracy of each of these steps' answers.
 _SCOUTED = 0.03
@@ -73,8 +73,7 @@ def solve(
     if max_rounds < 1:
         raise InvalidInput(f"max_rounds: {max_rounds!r}; at least 1 is needed")
     search = _Search(Whitening.of(problem), tolerance, max_rounds)
-    if not solvers[0].first_goal:
-        search.scout()
+    search.scout()
     stalled: _Round | None = None
     for solver in solvers:
         search.run(Newton(first_goal=0.0) if stalled and isinstance(solver, Newton) else solver)

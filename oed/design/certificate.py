@@ -64,12 +64,22 @@ def certify(
     multipliers : ndarray, optional
         Multipliers of the rows, if known; they spare a linear program.
     """
-    nothing = np.full(len(problem.candidates), np.inf)
     try:
         whitening = Whitening.of(problem)
     except NotIdentifiable:
-        return Certificate(np.inf, np.inf, nothing)
-    p, coordinates = len(problem.candidates.names), whitening.coordinates
+        return _nothing(problem)
+    return certified(whitening, weights, witness, multipliers)
+
+
+def certified(
+    whitening: Whitening,
+    weights: Array,
+    witness: Sequence[Array] | None = None,
+    multipliers: Array | None = None,
+) -> Certificate:
+    """Return what `certify` does, for a problem's whitening."""
+    problem, coordinates = whitening.problem, whitening.coordinates
+    p = len(problem.candidates.names)
     white = coordinates.matrices(problem.information(weights).reshape(1, -1, p, p))
     information = tuple(matrix[0] for matrix in white)
     value = whitening.objective.log_value(information)
@@ -78,8 +88,13 @@ def certify(
     else:
         witness = coordinates.white_witness(problem.objective, witness)
     if not all(np.isfinite(W).all() for W in witness) or not value > -np.inf:
-        return Certificate(np.inf, np.inf, nothing)
+        return _nothing(problem)
     return bounded(whitening, value, tuple(witness), multipliers)
+
+
+def _nothing(problem: DesignProblem) -> Certificate:
+    """Return the certificate of a design that has none."""
+    return Certificate(np.inf, np.inf, np.full(len(problem.candidates), np.inf))
 
 
 def bounded(

@@ -24,8 +24,9 @@ from oed.design.problem import ScaledProblem, SolverAnswer
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import InvalidInput, SolverFailed, nearest
 
-# Larger determinants are split into smaller ones: cvxpy states one of p rows by a cone of 2p.
-_LARGEST_DETERMINANT = 8
+# Larger determinants are split into smaller ones: cvxpy states one of p rows by a cone of 2p. SCS
+# takes more iterations with more cones.
+_LARGEST_DETERMINANT = {"scs": 48, "clarabel": 8}
 # Columns of the combinations in one cone: more make it large, fewer make too many.
 _COLUMNS = 9
 
@@ -57,7 +58,9 @@ class ConicMean:
         return self.shift + (self.power * cp.log(self.size) if self.power else self.size)
 
 
-def conic_mean(cp: Any, mean: MatrixMean, information: Any, guess: float) -> ConicMean:
+def conic_mean(
+    cp: Any, mean: MatrixMean, information: Any, guess: float, largest: int
+) -> ConicMean:
     """Return a mean of an affine (p, p) expression.
 
     det(C)^(-1/m): det(S)^(1/m) of the largest S with M >= B S B'; 1/tr C: the largest s with
@@ -68,18 +71,20 @@ def conic_mean(cp: Any, mean: MatrixMean, information: Any, guess: float) -> Con
     ----------
     guess : float
         Guess of the mean's logarithm.
+    largest : int
+        As in `log_det`.
     """
     B = mean.combinations
     p = information.shape[0]
     unit = float(np.exp(guess - mean.offset))
     if mean.kind == "D":
         if B is None:
-            more, log = log_det(cp, information)
+            more, log = log_det(cp, information, largest)
             return ConicMean(more, log / p, 0.0, mean.offset)
         m = B.shape[1]
         S = cp.Variable((m, m), PSD=True)
         above = information - (unit * B) @ S @ B.T >> 0
-        more, log = log_det(cp, S)
+        more, log = log_det(cp, S, largest)
         return ConicMean([above, *more], log / m, 0.0, guess, [above])
     B = np.eye(p) if B is None else B
     s = cp.Variable()
@@ -94,7 +99,7 @@ def conic_mean(cp: Any, mean: MatrixMean, information: Any, guess: float) -> Con
     return ConicMean([*blocks, total <= s], s, 1.0, guess, blocks)
 
 
-def conic_polar(cp: Any, mean: MatrixMean, weight: Any, guess: float) -> ConicMean:
+def conic_polar(cp: Any, mean: MatrixMean, weight: Any, guess: float, largest: int) -> ConicMean:
     """Return a mean's polar, see `MatrixMean.log_polar`.
 
     Parameters
@@ -103,13 +108,15 @@ def conic_polar(cp: Any, mean: MatrixMean, weight: Any, guess: float) -> ConicMe
         Expression, W times the exponential of `guess`.
     guess : float
         Guess of the mean's logarithm.
+    largest : int
+        As in `log_det`.
     """
     B = mean.combinations
     unit = float(np.exp(0.5 * mean.offset))
     inner = weight if B is None else B.T @ weight @ B
     m = inner.shape[0]
     if mean.kind == "D":
-        more, log = log_det(cp, inner)
+        more, log = log_det(cp, inner, largest)
         return ConicMean(more, log / m, 0.0, float(np.log(m)) - mean.offset - guess)
     if mean.kind == "E":
         return ConicMean([], cp.trace(inner) / unit**2, 1.0, -guess)
@@ -119,28 +126,31 @@ def conic_polar(cp: Any, mean: MatrixMean, weight: Any, guess: float) -> ConicMe
     return ConicMean([block >> 0], cp.trace(Y), 2.0, -guess)
 
 
-def log_det(cp: Any, matrix: Any) -> tuple[list[Any], Any]:
+def log_det(cp: Any, matrix: Any, largest: int) -> tuple[list[Any], Any]:
     """Return constraints and the log determinant of a symmetric (p, p) expression.
 
+    One of more than `largest` rows is split:
     det X = det A det S with A the leading block and S its Schur complement, the largest matrix that
     may be taken from the other diagonal block: one cone of (p, p) and two smaller determinants.
     """
     p = matrix.shape[0]
-    if p <= _LARGEST_DETERMINANT:
+    if p <= largest:
         return [], cp.log_det(matrix)
     half = p // 2
     S = cp.Variable((p - half, p - half), symmetric=True)
     E = np.eye(p)[:, half:]
-    first, log_a = log_det(cp, matrix[:half, :half])
-    second, log_s = log_det(cp, S)
+    first, log_a = log_det(cp, matrix[:half, :half], largest)
+    second, log_s = log_det(cp, S, largest)
     return [matrix - E @ S @ E.T >> 0, *first, *second], log_a + log_s
 
 
 # In the order in which they are asked. With looser tolerances Clarabel stops at gaps of 1e-5.
 _OPTIONS: dict[str, dict[str, Any]] = {
-    "scs": {"eps": 1e-9, "max_iters": 5_000},
+    "scs": {"max_iters": 5_000},
     "clarabel": {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11, "max_iter": 200},
 }
+# Tolerance of SCS: of the goal, and the least.
+_EPS = 1e-2, 1e-9
 _FORMS = ("primal", "dual")
 
 
@@ -154,6 +164,9 @@ class Cvxpy:
         What is stated; maximin criteria are always stated as primal problems.
     solver : {"clarabel", "scs"}, optional
         Conic solver; by default SCS, and Clarabel where its answer is not certified.
+    first_goal : float
+        Accuracy asked for while candidates are still added, which SCS makes use of; 0 for the final
+        one at once.
 
     Raises
     ------
@@ -163,8 +176,7 @@ class Cvxpy:
 
     form: str = "primal"
     solver: str | None = None
-
-    first_goal = 0.0
+    first_goal: float = 0.0
 
     def __post_init__(self) -> None:
         check_word("form", self.form, _FORMS)
@@ -182,7 +194,7 @@ class Cvxpy:
     def solve(
         self, problem: ScaledProblem, goal: float, near: SolverAnswer | None = None
     ) -> SolverAnswer:
-        """Return the optimum as precisely as the conic solver can.
+        """Return the optimum, by SCS to well below the goal, by Clarabel as precisely as it can.
 
         Raises
         ------
@@ -196,10 +208,14 @@ class Cvxpy:
         capped = np.flatnonzero(np.isfinite(problem.caps))
         rows = np.concatenate([problem.rows, np.eye(len(problem.caps))[capped]])
         bounds = np.concatenate([problem.bounds, problem.caps[capped]])
-        statement, read = state(cp, replace(problem, rows=rows, bounds=bounds))
+        whole = replace(problem, rows=rows, bounds=bounds)
+        statement, read = state(cp, whole, _LARGEST_DETERMINANT[self.solver or "scs"])
         reasons = []
         for name in _OPTIONS if self.solver is None else (self.solver,):
-            reason = _solved(cp, statement, name.upper(), _OPTIONS[name])
+            options = _OPTIONS[name] | (
+                {"eps": max(_EPS[0] * goal, _EPS[1])} if name == "scs" else {}
+            )
+            reason = _solved(cp, statement, name.upper(), options)
             if reason is None:
                 weights, multipliers, witness = read()
                 return SolverAnswer(
@@ -229,13 +245,13 @@ def _solved(cp: Any, statement: Any, name: str, options: dict[str, Any]) -> str 
     return None if statement.status in ("optimal", "optimal_inaccurate") else str(statement.status)
 
 
-def _primal(cp: Any, problem: ScaledProblem) -> tuple[Any, Any]:
+def _primal(cp: Any, problem: ScaledProblem, largest: int) -> tuple[Any, Any]:
     w = cp.Variable(problem.rows.shape[1], nonneg=True)
     limits = problem.rows @ w <= problem.bounds
     information = [_sum(cp, M, H, w) for M, H in zip(problem.base, problem.matrices, strict=True)]
     guesses = _guesses(problem)
     groups = [
-        [conic_mean(cp, t.mean, information[t.sample], guesses.pop(0)) for t in group]
+        [conic_mean(cp, t.mean, information[t.sample], guesses.pop(0), largest) for t in group]
         for group in problem.objective.groups
     ]
     parts = [part for group in groups for part in group]
@@ -264,14 +280,14 @@ def _primal(cp: Any, problem: ScaledProblem) -> tuple[Any, Any]:
     return statement, read
 
 
-def _dual(cp: Any, problem: ScaledProblem) -> tuple[Any, Any]:
+def _dual(cp: Any, problem: ScaledProblem, largest: int) -> tuple[Any, Any]:
     group = problem.objective.groups[0]
     y = cp.Variable(len(problem.bounds), nonneg=True)
     parts, matrices, use, derivatives = [], [], problem.bounds @ y, 0.0
     for term, guess in zip(group, _guesses(problem), strict=True):
         base, H = problem.base[term.sample], problem.matrices[term.sample]
         scaled = cp.Variable(base.shape, PSD=True)
-        parts.append(conic_polar(cp, term.mean, scaled, guess))
+        parts.append(conic_polar(cp, term.mean, scaled, guess, largest))
         W = np.exp(-guess) * scaled
         matrices.append(W)
         use = use + cp.trace(W @ base)

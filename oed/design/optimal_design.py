@@ -8,9 +8,9 @@ when none of them could help. Size is then no matter.
 import numpy as np
 
 from oed.criteria.criteria import Criterion, objective_of
-from oed.design.active_set import solve
 from oed.design.constraints import Constraints
 from oed.design.design import SHOWN as SHOWN, Design as Design
+from oed.design.many_candidates import solve_by_size
 from oed.design.polytope import Polytope
 from oed.design.problem import DesignProblem, DesignSolver
 from oed.design.solvers import design_solvers
@@ -74,7 +74,7 @@ def optimal_design(
     problem = DesignProblem(
         info, objective, allowed_weights(constraints, len(info)), checked_prior(prior, info)
     )
-    design = solve(problem, tolerance, max_rounds, solvers)
+    design = solve_by_size(problem, tolerance, max_rounds, solvers)
     if not design.gap <= tolerance:
         raise SolverFailed(
             f"optimal design: the certified gap is {design.gap:.2g} after {design.rounds} rounds, "

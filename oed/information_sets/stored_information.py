@@ -2,12 +2,11 @@
 
 After a header of one line of JSON, padded to `_HEADER` bytes, follow the sum of all matrices, the
 positions, (Q, n), and the matrices, (Q, p (p + 1) / 2), all float64 of this machine; of matrices
-the upper triangles. Pages are mapped,
-used once and released, so that a pass over gigabytes keeps the process at tens of megabytes.
+the upper triangles. A pass over gigabytes
+reads them into one megabyte after the other.
 """
 
 import json
-import mmap
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Executor
@@ -32,7 +31,8 @@ from robotmodels.common.yaml_reader import Node
 from robotmodels.data_files.json_text import parse_json
 
 _FORMAT, _HEADER = "oed-information/1", 65536
-_CHUNK_BYTES = 8 * 2**20
+_CHUNK_BYTES = 2**20
+"""Read at once, into the same memory, which then stays in the cache."""
 _READ = 100_000
 """Candidates that a worker reads in a task."""
 
@@ -179,19 +179,14 @@ class StoredInformation:
 
     def _parts(self, start: int = 0, end: int | None = None) -> Iterator[tuple[int, Array]]:
         """Yield packed chunks of candidates that are valid until the next one only."""
-        page = mmap.ALLOCATIONGRANULARITY
-        count = max(1, _CHUNK_BYTES // (8 * self._size))
+        last, size = len(self) if end is None else end, self._size
+        buffer = np.empty((max(1, _CHUNK_BYTES // (8 * size)), size))
         with self.path.open("rb") as file:
-            last = len(self) if end is None else end
-            for at in range(start, last, count):
-                rows = min(count, last - at)
-                first = self._offset + 8 * at * self._size
-                aligned = first // page * page
-                length = first - aligned + 8 * rows * self._size
-                # The map ends, and its pages are released, when nothing refers to it any more.
-                mapped = mmap.mmap(file.fileno(), length, offset=aligned, access=mmap.ACCESS_READ)
-                part = np.frombuffer(mapped, np.float64, rows * self._size, first - aligned)
-                yield at, part.reshape(rows, self._size)
+            file.seek(self._offset + 8 * start * size)
+            for at in range(start, last, len(buffer)):
+                part = buffer[: last - at]
+                file.readinto(part.data)
+                yield at, part
 
     def _unpacked(self, packed: Array | float) -> Array:
         values, p = np.asarray(packed), len(self.names)

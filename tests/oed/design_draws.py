@@ -84,7 +84,7 @@ def check_design(seed, perturbation=0.0):
         )
     seconds = time.process_time() - start
     failure, gap, singular = judged(draw, design)
-    if singular and not failure and design.solver == "newton":
+    if singular and not failure and design.solver.startswith("newton"):
         # With all its weights the design is regular, and the weights alone say how good it is.
         failure, gap, _ = judged(draw, _all_weights(draw, info))
     return Outcome(draw.label, failure, gap, design.gap, design.solver, False, singular, seconds)

@@ -131,7 +131,7 @@ def test_solvers_agree(kind, solver, form):
     other = oed.optimal_design(info, criterion, solver=solver, form=form)
     assert other.value == pytest.approx(fast.value, rel=2e-6)
     assert other.solver.startswith("cvxpy")
-    assert fast.solver == "newton"
+    assert fast.solver.startswith("newton")
 
 
 @settings(max_examples=4, deadline=None)

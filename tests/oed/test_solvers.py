@@ -137,7 +137,8 @@ def test_a_smooth_criterion_needs_no_conic_solver(monkeypatch, criterion):
 
     monkeypatch.setattr(cp.Problem, "solve", conic)
     design = oed.optimal_design(info, criterion)
-    assert (design.solver, asked) == ("newton", [])
+    assert design.solver.startswith("newton")
+    assert not asked
     oed.optimal_design(info, criterion, form="dual")
     assert asked
     monkeypatch.setattr(oed.Newton, "solve", stuck)
