@@ -4,12 +4,12 @@
 process of its own, ``python benchmarks/candidates.py SIZE``, with two workers: candidates screened
 among floor and links, their information written to a store, a certified D-optimal design over it.
 Screening stands beside every pair compared in every one of some positions. ``--large`` adds three
-and ten millions (28 GB on disk), ``--quick`` ends at a hundred thousand.
+and ten millions (25 GB on disk), ``--quick`` ends at a hundred thousand, and ``--before CHECKOUT``
+runs each size with another checkout of this package as well.
 """
 
 import json
 import resource
-import subprocess
 import sys
 import tempfile
 import time
@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 from design_million import largest_resident
+from design_states import in_state
 from linearisation import HERE, hertz, machine
 
 import oed
@@ -127,12 +128,15 @@ def main() -> None:
             print(json.dumps(measured(sizes[0], Path(folder))))
         return
     last = 100_000 if "--quick" in sys.argv else 10_000_000 if "--large" in sys.argv else 1_000_000
+    states = {"": HERE.parent}
+    if "--before" in sys.argv:
+        states[", before"] = Path(sys.argv[sys.argv.index("--before") + 1])
     results: dict[str, Any] = {"machine": machine()}
     for size in (size for size in SIZES if size <= last):
-        run = [sys.executable, __file__, str(size)]
-        done = subprocess.run(run, check=True, capture_output=True, text=True)
-        results[str(size)] = json.loads(done.stdout)
-        print(f"{size}: {results[str(size)]}", flush=True)
+        for state, checkout in states.items():
+            run = json.loads(in_state(checkout, [__file__, str(size)]))
+            results[f"{size}{state}"] = run
+            print(f"{size}{state}: {run}", flush=True)
     target = HERE / "results" / "candidates.json"
     target.parent.mkdir(exist_ok=True)
     target.write_text(json.dumps(results, indent=2))

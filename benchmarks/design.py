@@ -4,7 +4,8 @@
 designs of `manutec_r3_26` (26 parameters) in 1 000, 7 920 and 20 000 random positions, every
 criterion by both solvers, robust designs, an exact plan, the information itself, and a million
 candidates from a store. ``python benchmarks/design.py --quick`` leaves out the million and peers
-above 1 000 candidates. This script installs the peers into ``.bench/``; none is a dependency.
+above 1 000 candidates; ``--before CHECKOUT`` times D, A and E with another checkout of this package
+too, in turn with this one. This script installs the peers into ``.bench/``; none is a dependency.
 """
 
 import json
@@ -12,11 +13,13 @@ import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from design_million import million_times
 from design_others import SIZES, peer_times
+from design_states import state_times
 from linearisation import HERE, hertz, machine
 
 import oed
@@ -195,7 +198,7 @@ def report(results: dict[str, Any]) -> None:
     for name, entry in (results["criteria"] | results["robust"]).items():
         tail = f"{entry['support']:10d}" if "support" in entry else entry["failed"]
         print(f"{name:40s}{_numbers(entry)}{tail}")
-    for what in ("exact", "information", "million"):
+    for what in ("before", "exact", "information", "million"):
         print(f"\n{what}: {results[what] or 'left out'}")
 
 
@@ -208,6 +211,7 @@ def _numbers(entry: dict[str, Any]) -> str:
 def main() -> None:
     """Run everything; what is done is written after each part."""
     quick = "--quick" in sys.argv
+    before = sys.argv[sys.argv.index("--before") + 1] if "--before" in sys.argv else None
     target = HERE / "results" / "design.json"
     target.parent.mkdir(exist_ok=True)
     results: dict[str, Any] = {"machine": machine()}
@@ -216,6 +220,7 @@ def main() -> None:
     few = part(info, SIZES[0])
     parts: dict[str, Callable[[], Any]] = {
         "own": lambda: own_times(info),
+        "before": lambda: state_times(info, Path(before)) if before else None,
         "exact": lambda: exact_times(middle),
         "criteria": lambda: criteria_times(middle),
         "robust": lambda: robust_times(few if quick else middle),

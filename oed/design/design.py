@@ -33,8 +33,8 @@ class Design(ReprHtml):
     names : tuple of str
         Names of the parameters.
     gaps : ndarray, (rounds,)
-        Certified gap of each active set's answer, infinite where its solver gave none; `gap` is
-        that of the final weights.
+        Certified gap of each active set's answer, infinite where its solver gave none, or of very
+        many candidates each pool's; `gap` is that of the final weights.
     solver : str
         Every method that took part, in the order used.
     witness : tuple of ndarray
@@ -62,7 +62,7 @@ class Design(ReprHtml):
 
     @property
     def rounds(self) -> int:
-        """Active sets that were solved."""
+        """Active sets that were solved, or pools of very many candidates."""
         return len(self.gaps)
 
     @property

@@ -47,14 +47,15 @@ def optimal_design(
     tolerance : float
         Largest certified gap accepted.
     max_rounds : int
-        Largest number of active sets.
+        Largest number of active sets, and of pools, see `many_candidates`.
     solver : str or DesignSolver
         "newton", short for `Newton()`, the barrier method of this package, which takes every
         criterion but E; "cvxpy", short for `Cvxpy()` (SCS, then Clarabel); a solver of your own; or
         "auto", the former where it can, and the latter. Where one stalls, others go on;
         `Design.solver` names every one.
     form : str, optional
-        Form of "cvxpy", "primal" or "dual"; None is the former, and with "auto" no wish for cvxpy.
+        Form of "cvxpy", "primal" or "dual"; None is the dual of E and the primal of all else, and
+        with "auto" no wish for cvxpy.
 
     Raises
     ------

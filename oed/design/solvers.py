@@ -44,12 +44,13 @@ def design_solvers(
 def _conic(form: str | None, objective: Objective) -> Cvxpy:
     """Return `Cvxpy` as it takes the least time.
 
-    Without multiplicative steps before it, most of its candidates come in later: the first answers
-    may be rough. SCS takes fewer iterations for the dual of E, and more for that of the others.
+    SCS takes fewer iterations for the dual of E, and more for that of other criteria. E has no
+    multiplicative steps, so that most candidates come in later and first answers may be rough.
     """
     if objective.smooth:
         return Cvxpy("primal" if form is None else form)
-    return Cvxpy("dual" if form is None else form, first_goal=Newton().first_goal)
+    usual = "dual" if len(objective.terms) == 1 else "primal"
+    return Cvxpy(usual if form is None else form, first_goal=Newton().first_goal)
 
 
 def checked_answer(answer: SolverAnswer, few: ScaledProblem) -> SolverAnswer:
