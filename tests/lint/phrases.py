@@ -1,7 +1,8 @@
-"""Check that pages, terminal, help and errors use the field's terms.
+"""Check that pages, terminal, help, errors and documentation use the field's terms.
 
-Run by `make lint`. Reads the string constants of the packages and the templates of pages; a phrase
-of `PHRASES` in one of them fails, with the term to use instead.
+Run by `make lint`. Reads the string constants of the packages, the templates of pages and the
+documentation; a phrase of `PHRASES` in one of them fails, with the term to use instead. Docstrings
+of public names begin with the name of the thing.
 """
 
 import ast
@@ -42,8 +43,6 @@ PHRASES = {
 }
 FIRST = re.compile(r"(How|What|When|Which)\b")
 """How no docstring of a public name begins: it names the thing."""
-PUBLIC = re.compile(r"tell_apart")
-"""Names of keys, files and extras, which stay."""
 
 
 def main() -> int:
@@ -55,8 +54,10 @@ def main() -> int:
 
 def faults(root: Path) -> Iterator[str]:
     """Yield a line for each phrase."""
-    for path in sorted(root.glob("reports/templates/*.j2")):
-        yield from _in_text(path.relative_to(root), 1, path.read_text(encoding="utf-8"))
+    for pattern in ("reports/templates/*.j2", "docs/**/*.md", "*.md", "studies/*.yaml"):
+        for path in sorted(set(root.glob(pattern)) - {root / "CHANGELOG.md"}):
+            for line, text in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+                yield from _in_text(path.relative_to(root), line, text)
     for package in ("robotmodels", "estimators", "oed", "reports"):
         public = _public(root / package)
         for path in sorted((root / package).rglob("*.py")):
@@ -81,7 +82,7 @@ def _unnamed(path: Path, tree: ast.AST, public: set[str]) -> Iterator[str]:
 
 
 def _in_text(path: Path, line: int, text: str) -> Iterator[str]:
-    shown = PUBLIC.sub("", re.sub(r"\{\{.*?\}\}|\{%.*?%\}", "", text))
+    shown = re.sub(r"\{\{.*?\}\}|\{%.*?%\}|`[^`\n]*`", "", text)
     for phrase, term in PHRASES.items():
         if match := re.search(phrase, shown):
             yield f"{path}:{line}: {match[0]!r}; the field says: {term}"

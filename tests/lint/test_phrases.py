@@ -43,4 +43,4 @@ def test_docstrings_of_public_names_name_the_thing(tmp_path):
 
 
 def test_docstrings_and_names_are_left_alone(tmp_path):
-    assert lines_of(tmp_path, HEAD + 'KEY = "one of tell_apart"\n') == []
+    assert lines_of(tmp_path, HEAD + 'KEY = "rivals_of"\n') == []

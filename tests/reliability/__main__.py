@@ -85,7 +85,7 @@ def random_designs(seconds, seed):
             outcome = check_design(seed + done // 2, change)
             done, refused = done + 1, refused + outcome.refused
             told += [f"{outcome.label}: {outcome.failure}"] * bool(outcome.failure)
-    return [(f"random designs, {refused} of them refused as beyond what is promised", done, told)]
+    return [(f"random designs, {refused} of them refused as beyond the stated limits", done, told)]
 
 
 if __name__ == "__main__":

@@ -37,7 +37,7 @@ def study(tmp_path: Path) -> Path:
         "frequencies": {"low": 3.0, "high": 60.0, "count": 20},
         "noise": {"relative": 0.01, "floor": 0.003},
         "candidates": {"sobol": 4},
-        "design": {"experiments": 2, "tell_apart": [hidden.model_dump(mode="json")]},
+        "design": {"experiments": 2, "distinguish": [hidden.model_dump(mode="json")]},
         "fit": {"starts": 1, "decades": 0.0, "residuals": ["nls"]},
         "output": "out",
     }
@@ -64,7 +64,7 @@ def test_the_hidden_spring_is_named_and_the_robot_written(study, monkeypatch, ca
 
 def test_score_tests_without_a_choice(study, monkeypatch, capsys) -> None:
     content = yaml.safe_load(study.read_text())
-    del content["design"]["tell_apart"]
+    del content["design"]["distinguish"]
     study.write_text(yaml.safe_dump(content))
     code, out, err = oed(monkeypatch, capsys, str(study), "--most", "0")
     assert code == 0, err
@@ -82,7 +82,7 @@ def test_a_wrong_number_of_the_robot_file_puts_springs_in_doubt(study, monkeypat
     late = ROBOT.file.model_copy(update={"delay": 2e-3})
     save_robot(replace(ROBOT, file=late), study.parent / "truth.yaml")
     content = yaml.safe_load(study.read_text())
-    del content["design"]["tell_apart"]
+    del content["design"]["distinguish"]
     study.write_text(yaml.safe_dump(content))
     code, out, err = oed(monkeypatch, capsys, str(study), "--most", "0")
     assert code == 0, err
@@ -96,7 +96,7 @@ def test_a_wrong_number_of_the_robot_file_puts_springs_in_doubt(study, monkeypat
 
 def test_predictions_of_a_fit_that_lacks_a_spring_say_so(study, monkeypatch, capsys) -> None:
     content = yaml.safe_load(study.read_text())
-    del content["design"]["tell_apart"]
+    del content["design"]["distinguish"]
     study.write_text(yaml.safe_dump(content))
     for words in (["predict"], ["margins", "--draws", "2"]):
         monkeypatch.setattr(sys, "argv", ["oed", "--quiet", words[0], str(study), *words[1:]])

@@ -28,7 +28,7 @@
         kind: maximin            # or average
         std: 0.3                 # of their logarithms; left out: those of the robot file
         samples: 8               # of theta
-      tell_apart:                # springs as in a robot file, which the data shall show if there
+      distinguish:                # springs as in a robot file, which the data shall show if there
         - {name: b2x, joint: shoulder_lift_joint, axis: x, stiffness: 1.0e+6, damping: 1.0e+3}
         - structure.yaml         # or a robot file with further springs, which go together
       tolerance: 1.0e-6          # certified gap
@@ -124,14 +124,14 @@ class DesignChoice(FileSection):
     forbidden: tuple[Ranges, ...] = ()
     groups: dict[str, GroupChoice] = {}
     robust: RobustChoice | None = None
-    tell_apart: Annotated[tuple[Spring | str, ...], Field(max_length=64)] = ()
+    distinguish: Annotated[tuple[Spring | str, ...], Field(max_length=64)] = ()
     tolerance: Annotated[float, Field(ge=1e-12, le=1)] = 1e-6
     solver: Literal["auto", "cvxpy", "newton"] = "auto"
 
     @model_validator(mode="after")
     def _interest(self) -> Self:
         about = self.criterion in ("Ds", "As", "maximin")
-        if about != bool(self.interest) and not (about and self.tell_apart):
+        if about != bool(self.interest) and not (about and self.distinguish):
             needed = "needs" if about else "has no"
             raise ValueError(
                 f"interest: criterion {self.criterion} {needed} parameters of interest"
@@ -141,10 +141,10 @@ class DesignChoice(FileSection):
     @model_validator(mode="after")
     def _one_of_both(self) -> Self:
         for name, about in _ABOUT_PARAMETERS.items():
-            if getattr(self, name) is not None and self.tell_apart:
+            if getattr(self, name) is not None and self.distinguish:
                 raise ValueError(
-                    f"{name} and tell_apart: {about} of the robot's parameters, and the springs of "
-                    "tell_apart are none of them; leave one out, or put the springs into the robot"
+                    f"{name} and distinguish: {about} of the robot's parameters, and the springs "
+                    "of distinguish are none of them; leave one out, or put the springs into the robot"
                 )
         return self
 

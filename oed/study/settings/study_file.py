@@ -351,12 +351,12 @@ def load_study(path: str | Path) -> Study:
         "truth": None if study.truth is None else robot_reference(path, study.truth),
         "data": study.data.model_copy(update=files),
     }
-    if study.design.tell_apart:
+    if study.design.distinguish:
         springs = [
             robot_reference(path, each) if isinstance(each, str) else each
-            for each in study.design.tell_apart
+            for each in study.design.distinguish
         ]
-        changed["design"] = study.design.model_copy(update={"tell_apart": tuple(springs)})
+        changed["design"] = study.design.model_copy(update={"distinguish": tuple(springs)})
     if study.candidates is not None:
         lists = [existing_file(path, "candidates.files", file) for file in study.candidates.files]
         changed["candidates"] = study.candidates.model_copy(update={"files": tuple(lists)})

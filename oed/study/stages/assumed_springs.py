@@ -38,15 +38,15 @@ def alternatives(choice: DesignChoice, robot: ElasticRobot) -> tuple[tuple[Sprin
         If a structure file is of another robot, lacks a spring of the study's, or adds none.
     """
     return tuple(
-        (each,) if isinstance(each, Spring) else _added(robot, each) for each in choice.tell_apart
+        (each,) if isinstance(each, Spring) else _added(robot, each) for each in choice.distinguish
     )
 
 
 def _named(
     choice: DesignChoice, robot: ElasticRobot
 ) -> Iterator[tuple[Spring | str, tuple[Spring, ...]]]:
-    """Return each entry of `tell_apart` with its springs."""
-    return zip(choice.tell_apart, alternatives(choice, robot), strict=True)
+    """Return each entry of `distinguish` with its springs."""
+    return zip(choice.distinguish, alternatives(choice, robot), strict=True)
 
 
 def _file_name(entry: Spring | str) -> str:
@@ -62,21 +62,21 @@ def all_assumed(choice: DesignChoice, robot: ElasticRobot) -> tuple[Spring, ...]
 
 def _added(robot: ElasticRobot, file: str) -> tuple[Spring, ...]:
     """Return the springs of a structure file that the robot has not."""
-    with naming("design.tell_apart"):
+    with naming("design.distinguish"):
         other = load_robot(file)
     if other.motor_names != robot.motor_names:
-        raise InvalidInput(f"design.tell_apart: {file}: motors of another robot than the study's")
+        raise InvalidInput(f"design.distinguish: {file}: motors of another robot than the study's")
     springs, present = other.file.springs, {spring_position(s): s for s in robot.file.springs}
     missing = present.keys() - {spring_position(spring) for spring in springs}
     if missing:
         name = next(spring.name for where, spring in present.items() if where in missing)
         raise InvalidInput(
-            f"design.tell_apart: {file}: no spring {name!r}; a structure has all springs of the "
+            f"design.distinguish: {file}: no spring {name!r}; a structure has all springs of the "
             "study's robot and further ones"
         )
     added = tuple(spring for spring in springs if spring_position(spring) not in present)
     if not added:
-        raise InvalidInput(f"design.tell_apart: {file}: no spring that the study's robot has not")
+        raise InvalidInput(f"design.distinguish: {file}: no spring that the study's robot has not")
     return added
 
 
@@ -92,7 +92,7 @@ def assumed_springs(
     share : float
         Part of the information of a run for each motor that a visit has.
     """
-    if not run.study.design.tell_apart:
+    if not run.study.design.distinguish:
         return None
 
     def compute(folder: Path, report: Progress | None) -> AssumedSprings:
@@ -128,7 +128,7 @@ def powers_of_alternatives(
     others = [s for s in possible_springs(robot) if spring_position(s) not in present]
     alternatives = [*assumed, *others]
     powers = list[StructurePower]()
-    with naming("design.tell_apart"):
+    with naming("design.distinguish"):
         for each, springs in _named(choice, robot):
             file = f" ({name})" if (name := _file_name(each)) else ""
             for power in structure_power(plan, springs, alternatives, level=level):

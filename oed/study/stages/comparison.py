@@ -65,7 +65,7 @@ def comparison(
             runs=run.study.compare.runs,
             # Springs to tell apart are no parameters: plans are compared by those.
             criterion=criterion_of(run.study.design, run.robot)
-            if not run.study.design.tell_apart
+            if not run.study.design.distinguish
             else "D",
             executor=behind_others(run.executor),
             progress=report,

@@ -71,10 +71,10 @@ def structure_information(
     InvalidInput
         If the robot cannot have such a spring.
     """
-    if not run.study.design.tell_apart:
+    if not run.study.design.distinguish:
         return None
     springs = all_assumed(run.study.design, run.robot)
-    with naming("design.tell_apart"):
+    with naming("design.distinguish"):
         robot = with_springs(run.robot, springs, free=True)
     choice, dampers = robot.file.parameters, [f"{spring.name}.damping" for spring in springs]
     choice = choice.model_copy(update={"fixed": [*choice.fixed, *dampers]})
@@ -135,7 +135,9 @@ def _naming_sample(is_sample: bool, name: str) -> Iterator[None]:
         if not is_sample:
             raise
         if name == _STRUCTURE:
-            raise InvalidInput(f"design.tell_apart: {error}; stiffer springs are needed") from error
+            raise InvalidInput(
+                f"design.distinguish: {error}; stiffer springs are needed"
+            ) from error
         number = name.rsplit("-", 1)[-1]
         raise InvalidInput(
             f"design.robust: sample {number} of the parameters: {error}; a smaller std is needed"

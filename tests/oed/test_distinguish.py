@@ -70,10 +70,10 @@ def _detection(results, springs=(SPRING,)):
 
 def test_a_plan_that_tells_springs_apart_sees_them_better_and_has_a_certificate(tmp_path):
     plain = _design(tmp_path / "a")
-    both = _design(tmp_path / "b", tell_apart=_springs(SPRING, OTHER))
+    both = _design(tmp_path / "b", distinguish=_springs(SPRING, OTHER))
     only = _design(
         tmp_path / "c",
-        tell_apart=_springs(SPRING),
+        distinguish=_springs(SPRING),
         criterion="Ds",
         interest=["joint3 z.stiffness"],
     )
@@ -110,26 +110,26 @@ def _total(results):
 def test_maximin_raises_the_least_and_a_structure_file_stands_for_its_springs(tmp_path):
     robot = robotmodels.with_springs(ROBOT, [SPRING, OTHER], free=True)
     robotmodels.save_robot(robot, tmp_path / "structure.yaml")
-    by_file = _design(tmp_path, tell_apart=["structure.yaml"], criterion="maximin")
+    by_file = _design(tmp_path, distinguish=["structure.yaml"], criterion="maximin")
     assert by_file.plan.design.gap <= 1e-6
-    by_elements = _design(tmp_path / "a", tell_apart=_springs(SPRING, OTHER), criterion="maximin")
+    by_elements = _design(tmp_path / "a", distinguish=_springs(SPRING, OTHER), criterion="maximin")
     np.testing.assert_array_equal(
         by_file.plan.exact.repetitions, by_elements.plan.exact.repetitions
     )
-    volume = _design(tmp_path / "b", tell_apart=_springs(SPRING, OTHER))
+    volume = _design(tmp_path / "b", distinguish=_springs(SPRING, OTHER))
     least, by_volume = (_least(each.plan.design) for each in (by_file, volume))
     assert least > 1.02 * by_volume
     # In one file the springs are there together, as elements each is there alone.
     for results, source in ((by_file, " (structure.yaml)"), (by_elements, "")):
         names = [f"{spring.name}{source}" for spring in (SPRING, OTHER)]
         assert [power.name for power in results.powers] == names
-    stored = _design(tmp_path / "a", tell_apart=_springs(SPRING, OTHER), criterion="maximin")
+    stored = _design(tmp_path / "a", distinguish=_springs(SPRING, OTHER), criterion="maximin")
     assert stored.powers == by_elements.powers
     lengths = [power.misfit for power in by_elements.powers]
     assert lengths != [power.misfit for power in by_file.powers]
     # What is stored of springs that are there alone is not that of those that are there together.
     robotmodels.save_robot(robot, tmp_path / "a" / "structure.yaml")
-    together = _design(tmp_path / "a", tell_apart=["structure.yaml"], criterion="maximin")
+    together = _design(tmp_path / "a", distinguish=["structure.yaml"], criterion="maximin")
     assert together.powers == by_file.powers
 
 
@@ -141,39 +141,42 @@ def test_structure_files_that_are_none_are_refused(tmp_path):
         "same.yaml": "no spring that the study's robot has not",
         "fewer.yaml": "no spring 'g1'",
         "moberg_axis1": "motors of another robot",
-        "absent.yaml": r"design\.tell_apart: .*absent.yaml: no such file",
+        "absent.yaml": r"design\.distinguish: .*absent.yaml: no such file",
     }.items():
         with pytest.raises(InvalidInput, match=message):
-            _design(tmp_path, tell_apart=[file])
+            _design(tmp_path, distinguish=[file])
 
 
 @pytest.mark.parametrize(
     ("design", "message"),
     [
-        ({"robust": {"std": 0.3}}, "robust and tell_apart: samples are"),
+        ({"robust": {"std": 0.3}}, "robust and distinguish: samples are"),
         ({"criterion": "I", "purpose": {"quantity": "resonances"}}, "predictions are functions"),
         ({"criterion": "Ds", "interest": ["joint9.stiffness"]}, "joint9.stiffness"),
     ],
 )
 def test_what_does_not_fit_together_is_refused(tmp_path, design, message):
     with pytest.raises(InvalidInput, match=message):
-        _design(tmp_path / "a", tell_apart=_springs(SPRING), **design)
+        _design(tmp_path / "a", distinguish=_springs(SPRING), **design)
 
 
 @pytest.mark.parametrize(
     ("entry", "message"),
     [
-        (3, r"design\.tell_apart\[0\]: a mapping of keys to values is needed, found 3"),
-        ({"name": "a"}, r"missing key 'design\.tell_apart\[0\]\.axis' of 'a'"),
-        ({"name": "a", "stifness": 1.0}, r"unknown key 'design\.tell_apart\[0\]\.stifness' of 'a'"),
+        (3, r"design\.distinguish\[0\]: a mapping of keys to values is needed, found 3"),
+        ({"name": "a"}, r"missing key 'design\.distinguish\[0\]\.axis' of 'a'"),
+        (
+            {"name": "a", "stifness": 1.0},
+            r"unknown key 'design\.distinguish\[0\]\.stifness' of 'a'",
+        ),
     ],
 )
 def test_entries_that_are_no_springs_are_named(entry, message, tmp_path):
     with pytest.raises(InvalidInput, match=message):
-        _design(tmp_path, tell_apart=[entry])
+        _design(tmp_path, distinguish=[entry])
 
 
 def test_a_spring_that_the_robot_has_is_refused(tmp_path):
     again = ROBOT.file.springs[0].model_copy(update={"name": "again"})
-    with pytest.raises(InvalidInput, match=r"design\.tell_apart: springs: joint 'joint1' has 2"):
-        _design(tmp_path / "a", tell_apart=_springs(again))
+    with pytest.raises(InvalidInput, match=r"design\.distinguish: springs: joint 'joint1' has 2"):
+        _design(tmp_path / "a", distinguish=_springs(again))
