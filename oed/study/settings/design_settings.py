@@ -144,7 +144,8 @@ class DesignChoice(FileSection):
             if getattr(self, name) is not None and self.distinguish:
                 raise ValueError(
                     f"{name} and distinguish: {about} of the robot's parameters, and the springs "
-                    "of distinguish are none of them; leave one out, or put the springs into the robot"
+                    "of distinguish are none of them; leave one out, or put the springs into the "
+                    "robot"
                 )
         return self
 
