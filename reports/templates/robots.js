@@ -231,6 +231,16 @@
     select.append(new Option("none", 0));
     for (let mode = 1; mode <= most; mode++) select.append(new Option(mode, mode));
     bar.append(label);
+    const sized = document.createElement("label");
+    const size = document.createElement("select");
+    size.setAttribute("aria-label", "size");
+    sized.append("size ", size);
+    size.append(new Option("small", 0), new Option("large", 1));
+    bar.append(sized);
+    size.addEventListener("change", () => {
+      robots[0].svg.closest(".poses").classList.toggle("larger", size.value === "1");
+      draw();
+    });
     const still = matchMedia("(prefers-reduced-motion: reduce)");
     let frame = 0;
     const animate = (time) => {

@@ -334,6 +334,9 @@ def test_links_are_drawn_turn_and_move_with_modes(desktop):
     assert canvas.evaluate(painted) != rest
     first.press("Home")
     assert canvas.evaluate(painted) == rest
+    width = canvas.evaluate("e => e.width")
+    desktop.get_by_label("size", exact=True).select_option("large")
+    assert canvas.evaluate("e => e.width") > 1.5 * width
     desktop.emulate_media(reduced_motion="no-preference")
     with desktop.expect_download() as download:
         desktop.locator("#pose-1 [data-save]").click()
