@@ -132,7 +132,7 @@ def optimal_sensors(
     design = evaluated.design(best)
     if design is None:
         raise NotIdentifiable(
-            base.unidentifiable(), f"budget: {budget:g} no set of sensors within it identifies them"
+            base.unidentifiable(), f"budget: no set of sensors within {budget:g} identifies them"
         )
     tried, value = len(evaluated.designs), evaluated.value(best)
     relative_efficiency = {

@@ -4,17 +4,18 @@ import os
 from collections.abc import Iterable, Sequence
 from math import isfinite, prod
 from numbers import Real
-from typing import TypeGuard, TypeVar
+from typing import Any, TypeGuard, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robotmodels.common.errors import InvalidInput
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+# NDArray of numpy 2.5 is an alias whose origin is no class, which files of dataclasses ask for.
+Array = np.ndarray[tuple[Any, ...], np.dtype[np.float64]]
+ComplexArray = np.ndarray[tuple[Any, ...], np.dtype[np.complex128]]
+IntArray = np.ndarray[tuple[Any, ...], np.dtype[np.int64]]
+BoolArray = np.ndarray[tuple[Any, ...], np.dtype[np.bool_]]
 
 _T = TypeVar("_T", bound=np.generic)
 _NUMBERS = "biuf"  # kinds of numpy

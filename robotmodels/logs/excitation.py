@@ -20,6 +20,8 @@ _MOST_SPAN = 0.2  # [rad] of a joint in one position: inertias change by some pe
 _STRONG = 0.1  # of the amplitude of the largest run, from which a stretch is one
 _CANDIDATES = 12  # lags that are tried
 _LEAST_SAMPLES = 16  # of a period
+_REACH = 50  # periods over the samples by which the ends of runs are off at most
+_ROUNDING = 1e-6  # of a reference's largest value, by which files may round it
 _ABOVE, _SHARE = 10.0, 0.01  # of excited lines: over the median of lines, and of the largest
 
 
@@ -74,6 +76,10 @@ def find_excitation(
     if not len(starts):
         raise InvalidInput(f"not periodic: {_by_joint(movement, samples)}")
     starts, periods = _without_transients(angle, samples, starts, stops, transient)
+    for role in ("reference_velocity", "reference_torque"):
+        if (reference := movement.signals.get(role)) is not None and np.isfinite(reference).all():
+            starts = _aligned(reference, samples, starts, periods)
+            break
     lines = _excited_lines(movement, samples, starts, periods)
     seconds = samples * movement.sample_time
     notes: tuple[str, ...] = (
@@ -104,6 +110,23 @@ def _without_transients(
     if not begun:
         raise InvalidInput(f"periods: none is left after a transient of {transient}")
     return np.array(begun), np.array(counts)
+
+
+def _aligned(reference: Array, samples: int, starts: IntArray, periods: IntArray) -> IntArray:
+    """Return the starts (runs,) near which a reference (N, n) repeats best, the nearest such ones.
+
+    Angles show the ends of runs to some samples only, where the motion changes little in between.
+    """
+    reach = max(samples // _REACH, 1)
+    aligned = []
+    for start, length in zip(starts.tolist(), (periods * samples).tolist(), strict=True):
+        first, last = max(start - reach, 0), min(start + reach, len(reference) - length)
+        near = sorted(range(first, last + 1), key=lambda each: abs(each - start))
+        runs = (reference[each : each + length] for each in near)
+        misfits = np.array([np.abs(run[samples:] - run[:-samples]).mean() for run in runs])
+        rounding = _ROUNDING * np.abs(reference[start : start + length]).max()
+        aligned.append(near[int(np.argmax(misfits <= misfits.min() + rounding))])
+    return np.array(aligned)
 
 
 def _transient_periods(run: Array) -> int:

@@ -157,7 +157,7 @@ def test_fitted_values_are_good_enough_for_spectra(tmp_path):
         ({"design": {"spectra": "flat"}}, "neither minutes nor targets given; one of them is"),
         (
             {"design": {"targets": {"stiffness": 0.1}, "criterion": "D"}},
-            "targets are one themselves",
+            "targets define one",
         ),
         ({"design": {"minutes": 1e4}}, " are planned, 100 of the longest visits"),
         (

@@ -167,7 +167,7 @@ def test_more_masses_than_the_motor_feels_modes_are_named():
     chains = random_chains(2, 3, 1)
     apart = CoupledChains(chains.masses, chains.springs, np.zeros((2, 2)))
     poles, zeros, mass, _, total = next(spectra(apart))
-    with pytest.raises(NotIdentifiable, match=r"m4.*the motor feels 3 modes") as error:
+    with pytest.raises(NotIdentifiable, match=r"m4.*the motor's FRF has 3 modes") as error:
         stepwise_chain(poles, zeros, mass, 4, total)
     assert error.value.names == ("m4",)
 

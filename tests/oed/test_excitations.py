@@ -240,7 +240,7 @@ def test_scatter_of_fits_is_the_designed_one(excitation):
         ({"excitations": ["ortogonal"]}, "'ortogonal' is not known.*orthogonal"),
         ({"excitations": [3]}, "3 is neither a name nor an `Excitation`"),
         ({"excitations": [oed.SingleMotor(6)]}, "motor 7: the robot has 6 motors"),
-        ({"noise": RelativeNoise()}, "RelativeNoise does not tell errors of torques"),
+        ({"noise": RelativeNoise()}, "RelativeNoise does not separate errors of torques"),
         ({"noise": InputOutputNoise(np.ones(3))}, r"noise.speed: shape \(3,\)"),
         ({"torque": [1.0, 2.0]}, r"torque: shape \(2,\)"),
         ({"torque": 0.0}, "torque \\[N m\\]: 0.0"),

@@ -132,7 +132,9 @@ def test_sensors_that_make_parameters_identifiable():
     design = optimal_sensors(base, sensors, 2.0)
     assert len(design.sensors) == 1
     assert design.relative_efficiency[design.sensors[0]] == 0.0
-    with pytest.raises(NotIdentifiable, match=r"not identifiable: k1; budget: 0\.5 buys no sensor"):
+    with pytest.raises(
+        NotIdentifiable, match=r"not identifiable: k1; budget: no set of sensors within 0\.5"
+    ):
         optimal_sensors(base, sensors, 0.5)
 
 

@@ -150,7 +150,7 @@ def test_designs_know_the_excitation() -> None:
     ("change", "message"),
     [
         ({"reference": np.zeros((3, 6, 6))}, "reference: shape"),
-        ({"reference": np.zeros((len(OMEGA), 6, 0))}, "no run a block"),
+        ({"reference": np.zeros((len(OMEGA), 6, 0))}, "no run in a block"),
         ({"samples": 0}, "samples 0"),
         ({"angle_noise": np.array(0.0)}, "angle_noise: 0.0 must be 6 positive numbers"),
         ({"angle_noise": np.ones(5)}, "angle_noise: .* must be 6 positive numbers"),

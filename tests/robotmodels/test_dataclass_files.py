@@ -1,13 +1,12 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, get_origin
 
 import h5py
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from robotmodels.common.arrays import Array
+from robotmodels.common.arrays import Array, BoolArray, ComplexArray, IntArray
 from robotmodels.common.dataclass_files import read_dataclass, write_dataclass
 from robotmodels.common.errors import InvalidInput
 
@@ -135,7 +134,7 @@ def test_an_array_too_large_for_memory_is_refused_unread(tmp_path):
 @dataclass(frozen=True, eq=False)
 class Real:
     value: np.ndarray | None
-    whole: NDArray[np.int64]
+    whole: IntArray
     real: Array
     pair: tuple[str, float]
     kind: Literal["a", "b"]
@@ -192,3 +191,9 @@ def test_a_group_without_a_dataclass_in_its_place_is_refused(name, tmp_path):
         file.create_group(name)
     with pytest.raises(InvalidInput, match="not a stored Outer"):
         read_dataclass(tmp_path / "result.h5", Outer)
+
+
+@pytest.mark.parametrize("kind", [Array, ComplexArray, IntArray, BoolArray])
+def test_types_of_arrays_are_those_of_numpy_in_every_version(kind):
+    """`numpy.typing.NDArray` is an alias of its own in numpy 2.5."""
+    assert get_origin(kind) is np.ndarray

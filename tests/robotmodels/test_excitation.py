@@ -153,3 +153,21 @@ def test_movements_too_large_for_one_position_are_told():
     excitation = find_excitation(movement)
     assert excitation.samples == SAMPLES
     assert "a moves by 0.6 rad, too far for one position" in "".join(excitation.notes)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_runs_begin_where_their_reference_does(seed):
+    """Motions that go over into each other smoothly show the ends of runs to some samples only."""
+    rng, blocks, periods = np.random.default_rng(seed), 5, 3
+    references, angles = zip(*(multisine(rng, 1.0) for _ in range(blocks)), strict=True)
+    angle = np.concatenate([np.tile(one - one[0], periods) for one in angles])[:, None]
+    reference = np.concatenate([np.tile(one, periods) for one in references])[:, None]
+    signals = {"motor_angle": angle, "motor_torque": reference, "reference_velocity": reference}
+    excitation = find_excitation(Movement(("a",), STEP, signals))
+    assert len(excitation.starts) == blocks
+    for start, count in zip(excitation.starts, excitation.periods, strict=True):
+        run = reference[start : start + count * SAMPLES]
+        assert np.array_equal(run[SAMPLES:], run[:-SAMPLES])
+    signals.pop("reference_velocity")
+    seen = find_excitation(Movement(("a",), STEP, signals)).starts
+    assert not np.array_equal(seen, excitation.starts)

@@ -112,8 +112,8 @@ def _check_information(robot, positions, G, J):
 def test_the_kernel_refuses_what_it_does_not_know(manutec, choice, names):
     network = _with(manutec, **choice).network(_positions(manutec, 1))
     assert not network.only_springs
-    with pytest.raises(InvalidInput, match=f"free parameters {names}: the kernel knows"):
+    with pytest.raises(InvalidInput, match=f"free parameters {names}: the kernel supports"):
         kernel.information(network, OMEGA, RelativeNoise())
     G = network.frequency_response(OMEGA)
-    with pytest.raises(InvalidInput, match=f"free parameters {names}: the kernel knows"):
+    with pytest.raises(InvalidInput, match=f"free parameters {names}: the kernel supports"):
         kernel.CostKernel(network, OMEGA, G, np.ones(G.shape))

@@ -48,7 +48,7 @@ def notes(source):
     [
         ({"joints": ["m1", "m9"]}, "joints: 'm9' is no motor or joint of ur10"),
         ({"couplings": {"m1": {"m9": 1.0}}}, "couplings: 'm9' is no joint of the log"),
-        ({"couplings": {"m1": {"m2": 1}, "m2": {"m1": 1}}}, "motors would not tell the joints"),
+        ({"couplings": {"m1": {"m2": 1}, "m2": {"m1": 1}}}, "motors must determine the joints"),
         ({"signals": [{**ANGLE, "sign": [1, -1, 1]}]}, "sign: 3 numbers for 2 joints"),
         ({"time": {"column": "t", "unit": "kg"}}, "unit 'kg' of the time is none of time"),
         ({"time": {"counter": "t"}}, "counter needs the sample_time of one count"),
