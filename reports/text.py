@@ -127,13 +127,13 @@ def sentence(words: str) -> str:
 
 
 def typeset(words: str) -> str:
-    """Return plain words of a message as a page prints them: ± and powers of ten."""
+    """Return plain words of a message as a page prints them: ±, minus and powers of ten."""
     powers = re.sub(
         r"(?<=\d)e([-+]?\d+)",
         lambda power: f"{THIN}×{THIN}10{str(int(power[1])).translate(_SUPERSCRIPT)}",
         words,
     )
-    return powers.replace("+-", "±")
+    return re.sub(r"(?<=\s)-(?=\d)", MINUS, powers.replace("+-", "±"))
 
 
 def ranges(numbers: Sequence[int]) -> str:

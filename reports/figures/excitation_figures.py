@@ -7,12 +7,13 @@ import numpy as np
 
 from oed.experiment.multisine import crest_factor
 from reports.figures.panels import DASHES, Area, Axis, Curve, Mark, Panel, Panels, Rule
-from reports.text import fixed
+from reports.text import fixed, significant
 from robotmodels import Records
 from robotmodels.common.arrays import Array, IntArray
 
 _BINS = 120  # of a signal in time, at most, each drawn from its least to its largest value
 _TITLES = ("torque [N m]", "speed [rad/s]", "angle [rad]", "torque spectrum [N m]")
+_FAR = 5.0  # limits over what is reached, above which they would flatten the signal
 _ABOVE = 2.0  # highest line, times this, up to which angles are differentiated
 
 
@@ -74,7 +75,9 @@ def _row(run: Run, i: int, motor: str, limits: Mapping[str, Array], *, last: boo
     titles = [""] * 4 if i else [*_TITLES]
     row = []
     for axis, title, (name, signal) in zip(y, titles, signals, strict=False):
-        bound = limits[name][i] if name in limits else None
+        bound = float(limits[name][i]) if name in limits else None
+        if bound is not None and bound > _FAR * np.abs(signal[:, i]).max():
+            title, bound = ", ".join([*filter(None, [title]), f"limit ±{significant(bound)}"]), None
         row.append(Panel(_in_time(signal[:, i], run.sample_time, bound), time, axis, title))
     hertz = Axis("frequency [Hz]" if last else "", log=True, numbered=last, grid=False)
     amplitude = Axis(log=True, count=4, grid=False)
@@ -90,7 +93,7 @@ def _in_time(signal: Array, sample_time: float, bound: float | None) -> list[Mar
     # A signal without noise has no height in a stretch of one sample.
     marks: list[Mark] = [shape, Curve(time, (low + high) / 2, "accent", 0.5)]
     limits = () if bound is None else (-bound, bound)
-    return [*marks, *(Rule(float(side), "second", 0.9, DASHES) for side in limits)]
+    return [*marks, *(Rule(side, "second", 0.9, DASHES) for side in limits)]
 
 
 def _spectrum(run: Run, motor: int) -> Curve:

@@ -54,6 +54,13 @@ def test_signals_limits_spectrum_and_crest_factor_are_drawn(records):
     assert torque.patches[0].get_facecolor()[2] == pytest.approx(int(LIGHT.accent[5:7], 16) / 255)
 
 
+def test_limits_far_away_are_written_instead_of_flattening_the_signal(records):
+    torque, *_ = plots.excitation(records, ("m1",), {"torque": np.array([60.0])}).axes
+    assert torque.get_title(loc="left") + torque.get_title() == "torque [N m], limit ±60.0"
+    assert len(torque.lines) == 1
+    assert max(torque.get_ylim()) < 20
+
+
 def test_runs_that_are_absent_are_told(records):
     with pytest.raises(robotmodels.InvalidInput, match="run: 3; 0 to 0 are in the records"):
         plots.excitation(records, run=3)

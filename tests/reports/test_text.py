@@ -63,6 +63,10 @@ def test_what_exceeds_one():
     assert plain(text.one_and(2.4e-10)).replace(text.NO_BREAK, " ") == "1 + 2.4 × 10⁻¹⁰"
 
 
+def test_minus_signs_of_numbers_are_typeset_and_hyphens_are_not():
+    assert text.typeset("limit -10 rad/s of set-up 2-3") == "limit \u221210 rad/s of set-up 2-3"
+
+
 def test_sentences_begin_with_a_capital_letter():
     assert text.sentence("one period") == "One period"
     assert text.sentence("") == ""
