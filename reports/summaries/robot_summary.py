@@ -72,7 +72,7 @@ def _title(d: Diagnosis, file: RobotFile) -> list[str]:
     ]
     behind = ", then the motors behind a spring" if any(m.spring for m in d.motors) else ""
     count = plural(len(d.coordinates), "coordinate")
-    lines += wrapped(f"{count}: what moves the bodies, in the order below{behind}")
+    lines += wrapped(f"{count}: joints and springs of the bodies, in the order below{behind}")
     position = ", ".join(_angle(m.angle, m.prismatic) for m in d.motors)
     lines += wrapped(f"position: {position}")
     lines += wrapped(f"gravity: ({vector(file.gravity)}) m/s²")
@@ -90,7 +90,7 @@ def _bodies(d: Diagnosis, file: RobotFile) -> list[str]:
         )
         for body in d.bodies
     ]
-    header = ("bodies", "moved by", "mass\nkg", "centre of mass\nm", "carried\nkg")
+    header = ("bodies", "joints, springs", "mass\nkg", "centre of mass\nm", "carried\nkg")
     lines = table(header, rows, right=(2, 3, 4))
     if (load := file.payload) is not None:
         lines += wrapped(
@@ -124,7 +124,7 @@ def _motors(d: Diagnosis) -> list[str]:
     ]
     header = (
         *("motors", "joint", "ratio", "inertia\nkg cm²", "x ratio²\nkg m²"),
-        *("joint moves\nkg m²", "holds\nN m", "drive"),
+        *("load\nkg m²", "holding\nN m", "drive"),
     )
     return table(header, rows, right=(2, 3, 4, 5, 6))
 
@@ -150,7 +150,7 @@ def _springs(d: Diagnosis, file: RobotFile) -> list[str]:
             rows.append(("", "  under its load", _kilo(s.stiffness, high.unit), *[""] * 5))
     header = (
         *("springs", "at, about", "stiffness\nkN m/rad", "", "damping\nN m s/rad", ""),
-        *("static\nshift", "holds\nN m"),
+        *("static\ndefl.", "load\nN m"),
     )
     ties = [f"{p.name} to {p.tied_to}" for p in d.parameters if p.tied_to]
     tied = wrapped(f"tied: {', '.join(ties)}") if ties else []
