@@ -82,18 +82,28 @@
     }
     return places;
   };
-  // Pixels of a triangle, with weights of its corners.
-  const pixels = (x, y, [i, j, k], width, height, each) => {
-    const area = (x[j] - x[i]) * (y[k] - y[i]) - (x[k] - x[i]) * (y[j] - y[i]);
+  // Colours the pixels of a triangle: where it is nearest; without depths where nothing is yet.
+  const fill = (x, y, i, j, k, colour, { colours, nearest, width, height }, depth) => {
+    const [ux, uy, wx, wy] = [x[j] - x[i], y[j] - y[i], x[k] - x[i], y[k] - y[i]];
+    const area = ux * wy - wx * uy;
     if (!area) return;
-    const [left, top] = [x, y].map((c) => Math.max(0, Math.ceil(Math.min(c[i], c[j], c[k]))));
+    const left = Math.max(0, Math.ceil(Math.min(x[i], x[j], x[k])));
+    const top = Math.max(0, Math.ceil(Math.min(y[i], y[j], y[k])));
     const right = Math.min(width - 1, Math.max(x[i], x[j], x[k]));
     const bottom = Math.min(height - 1, Math.max(y[i], y[j], y[k]));
     for (let row = top; row <= bottom; row++)
       for (let column = left; column <= right; column++) {
-        const b = ((column - x[i]) * (y[k] - y[i]) - (x[k] - x[i]) * (row - y[i])) / area;
-        const c = ((x[j] - x[i]) * (row - y[i]) - (column - x[i]) * (y[j] - y[i])) / area;
-        if (b >= 0 && c >= 0 && b + c <= 1) each(row * width + column, 1 - b - c, b, c);
+        const b = ((column - x[i]) * wy - wx * (row - y[i])) / area;
+        const c = (ux * (row - y[i]) - (column - x[i]) * uy) / area;
+        if (b < 0 || c < 0 || b + c > 1) continue;
+        const spot = row * width + column;
+        if (!depth) colours[spot] ||= colour;
+        else {
+          const near = depth[i] + b * (depth[j] - depth[i]) + c * (depth[k] - depth[i]);
+          if (near < nearest[spot]) continue;
+          nearest[spot] = near;
+          colours[spot] = colour;
+        }
       }
   };
   const STEEL = [152, 166, 184], ORANGE = [222, 142, 92], SHADOW = 0x60807870;
@@ -113,37 +123,36 @@
     const eye = [Math.cos(e) * Math.cos(a), Math.cos(e) * Math.sin(a), Math.sin(e)];
     const [x, y, below, depth] = Array.from({ length: 4 }, () => new Float64Array(count));
     for (let v = 0; v < count; v++) {
-      const [px, py, pz] = places.subarray(3 * v, 3 * v + 3);
-      [x[v], y[v]] = at(seen([px, py, pz]));
-      below[v] = y[v] + scale * pz * Math.cos(e); // on the floor
-      depth[v] = eye[0] * px + eye[1] * py + eye[2] * pz;
+      const point = places.subarray(3 * v, 3 * v + 3);
+      [x[v], y[v]] = at(seen(point));
+      below[v] = y[v] + scale * point[2] * Math.cos(e); // on the floor
+      depth[v] = eye[0] * point[0] + eye[1] * point[1] + eye[2] * point[2];
     }
     const pen = canvas.getContext("2d");
     const image = pen.createImageData(width, height);
-    const colours = new Uint32Array(image.data.buffer);
-    const nearest = new Float32Array(width * height).fill(-Infinity);
-    const colour = svg.closest(".outlying") ? ORANGE : STEEL;
+    const onto = {
+      colours: new Uint32Array(image.data.buffer),
+      nearest: new Float32Array(width * height).fill(-Infinity),
+      width, height,
+    };
+    const [base, triangles] = [svg.closest(".outlying") ? ORANGE : STEEL, bodies.triangles];
+    const [sine, cosine] = [Math.sin(a), Math.cos(a)];
     for (let t = 0; t < total; t++) {
-      const corners = [0, 1, 2].map((k) => bodies.triangles[k * total + t]);
-      const [i, j, k] = corners;
-      const [u, w] = [j, k].map((end) => [0, 1, 2].map((n) => places[3 * end + n] - places[3 * i + n]));
-      const normal = [u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2], u[0] * w[1] - u[1] * w[0]];
-      const size = Math.hypot(...normal) || 1;
-      if (normal[2] > 0)
-        pixels(x, below, corners, width, height, (spot) => { colours[spot] ||= SHADOW; });
-      const facing = (normal[0] * eye[0] + normal[1] * eye[1] + normal[2] * eye[2]) / size;
+      const i = triangles[t], j = triangles[total + t], k = triangles[2 * total + t];
+      const ux = places[3 * j] - places[3 * i], wx = places[3 * k] - places[3 * i];
+      const uy = places[3 * j + 1] - places[3 * i + 1], wy = places[3 * k + 1] - places[3 * i + 1];
+      const uz = places[3 * j + 2] - places[3 * i + 2], wz = places[3 * k + 2] - places[3 * i + 2];
+      const nx = uy * wz - uz * wy, ny = uz * wx - ux * wz, nz = ux * wy - uy * wx;
+      if (nz > 0) fill(x, below, i, j, k, SHADOW, onto);
+      const size = Math.sqrt(nx * nx + ny * ny + nz * nz) || 1;
+      const facing = (nx * eye[0] + ny * eye[1] + nz * eye[2]) / size;
       if (facing <= 0) continue;
       // Light from the upper left behind the eye.
-      const right = (normal[1] * Math.cos(a) - normal[0] * Math.sin(a)) / size;
-      const bright = 0.45 + 0.65 * Math.max(0, 0.6 * facing + 0.55 * (normal[2] / size) - 0.35 * right);
-      const [red, green, blue] = colour.map((value) => Math.min(255, Math.round(value * bright)));
-      const shade = (0xff000000 | (blue << 16) | (green << 8) | red) >>> 0;
-      pixels(x, y, corners, width, height, (spot, p, q, r) => {
-        const near = p * depth[i] + q * depth[j] + r * depth[k];
-        if (near < nearest[spot]) return;
-        nearest[spot] = near;
-        colours[spot] = shade;
-      });
+      const right = (ny * cosine - nx * sine) / size;
+      const bright = 0.45 + 0.65 * Math.max(0, 0.6 * facing + 0.55 * (nz / size) - 0.35 * right);
+      const red = Math.min(255, base[0] * bright), green = Math.min(255, base[1] * bright);
+      const blue = Math.min(255, base[2] * bright);
+      fill(x, y, i, j, k, (0xff000000 | (blue << 16) | (green << 8) | red) >>> 0, onto, depth);
     }
     pen.putImageData(image, 0, 0);
     pen.globalCompositeOperation = "destination-over";
