@@ -205,7 +205,8 @@ class _Screen:
             columns = [k for k, p in enumerate(pairs) if p.obstacle == (reason == "obstacle")]
             wrong = touching[:, columns]
             self.remove(reason, [whats[k] for k in columns], wrong)
-            touching = touching[~wrong.any(axis=1)]
+            if reason == "obstacle":
+                touching = touching[~wrong.any(axis=1)]
 
 
 def _screened(

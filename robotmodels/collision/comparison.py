@@ -14,6 +14,7 @@ from functools import cached_property, partial
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from robotmodels.collision.pair_checker import PairChecker
 from robotmodels.collision.shapes import Shape
@@ -89,9 +90,7 @@ class Comparison:
         groups: dict[tuple[int, ...], list[int]] = defaultdict(list)
         for k, pair in enumerate(self.pairs):
             groups[self._deciding(pair)].append(k)
-        codes = [
-            np.unique(column, return_inverse=True)[1].astype(np.int32) for column in positions.T
-        ]
+        codes = [_codes(column) for column in positions.T]
         everywhere: list[int] = []
         for columns, members in groups.items():
             combinations = distinct_rows([codes[j] for j in columns], len(positions))
@@ -148,6 +147,12 @@ class Comparison:
         leaders = self.robot.couplings
         driven = {leaders[name].leader if name in leaders else name for name in names}
         return tuple(j for j, name in enumerate(self.robot.motor_joints) if name in driven)
+
+
+def _codes(column: Array) -> NDArray[np.integer]:
+    """Return whole numbers from 0 for the values of a column, in as few bytes as they take."""
+    values, codes = np.unique(column, return_inverse=True)
+    return codes.astype(np.min_scalar_type(len(values)))
 
 
 def _touching(

@@ -243,7 +243,7 @@ def distinct_rows(
     """
     group = np.zeros(count, dtype=np.int64)
     for column in columns:
-        group = _renumbered(group * (column.max(initial=0) + 1) + column)
+        group = _renumbered(group * (int(column.max(initial=0)) + 1) + column)
         if group.max() >= count // 2:
             return None
     index = np.empty(group.max() + 1, dtype=np.int64)
