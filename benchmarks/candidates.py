@@ -15,6 +15,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -67,6 +68,12 @@ def clocked(run: Callable[[robotmodels.ProcessPool], Any]) -> tuple[Any, dict[st
     return result, {"seconds": seconds, "cpu_seconds": processor_seconds() - before}
 
 
+def lent(pool: robotmodels.ProcessPool | None) -> dict[str, Any]:
+    """Return a pool for screening, which in older states of the package has no use for one."""
+    takes_one = "executor" in signature(gathered_candidates).parameters
+    return {"executor": pool} if takes_one else {}
+
+
 def small(_: int) -> float:
     """Compute the information of a few positions."""
     time.sleep(0.5)  # so that no worker takes two
@@ -90,7 +97,7 @@ def measured(size: int, folder: Path) -> dict[str, Any]:
     cell = Workcell(floor=0.0)
     screened, screening = clocked(
         lambda pool: gathered_candidates(
-            robot, per_joint=SIZES[size], limits=LIMITS, workcell=cell, executor=pool
+            robot, per_joint=SIZES[size], limits=LIMITS, workcell=cell, **lent(pool)
         )
     )
     positions, store = screened.positions, folder / "information.oed"
@@ -99,18 +106,22 @@ def measured(size: int, folder: Path) -> dict[str, Any]:
             robot, positions, hertz(FREQUENCIES), noise, executor=pool, store=store
         )
     )
-    design, designing = clocked(lambda pool: oed.optimal_design(replace(info, executor=pool)))
+    shared = hasattr(info, "executor")
+    design, designing = clocked(
+        lambda pool: oed.optimal_design(replace(info, executor=pool) if shared else info)
+    )
     beginning = clocked(lambda _: None)[1]["cpu_seconds"]
     for times in (screening, informing, designing):
         times["cpu_seconds"] -= beginning
     resident = largest_resident()
     grid = oed.candidate_positions(robot, SIZES[size], LIMITS)
     some = grid[np.random.default_rng(0).permutation(len(grid))[:COMPARED]]
+    everywhere = compared_everywhere(robot, some) * len(grid) if lent(None) else None
     return {
         "grid": len(grid),
         "candidates": len(positions),
         "screening": screening,
-        "screening_cpu_every_pair": compared_everywhere(robot, some) * len(grid),
+        "screening_cpu_every_pair": everywhere,
         "information": informing,
         "gigabytes": store.stat().st_size / 1e9,
         "design": designing | {"gap": design.gap, "rounds": design.rounds},
