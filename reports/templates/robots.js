@@ -46,7 +46,7 @@
   let bodies = null;
   const load = async () => {
     const element = document.getElementById("robot-bodies");
-    if (!element) return;
+    if (!element || !("DecompressionStream" in window)) return;
     const data = JSON.parse(element.textContent);
     const [corners, triangles] = data.counts;
     bodies = {
@@ -163,7 +163,11 @@
     pen.stroke();
   };
   // What is seen of pictures side by side; they have one scale.
-  const groups = Map.groupBy(robots, ({ svg }) => svg.closest(".poses") ?? svg);
+  const groups = new Map();
+  for (const robot of robots) {
+    const beside = robot.svg.closest(".poses") ?? robot.svg;
+    groups.set(beside, [...(groups.get(beside) ?? []), robot]);
+  }
   const frame = (group, seen) => {
     const ends = [Infinity, Infinity, -Infinity, -Infinity];
     const include = (point) => {
