@@ -29,6 +29,11 @@ class NestedPlans:
     std: Array
     log_determinants: Array
 
+    @property
+    def positions(self) -> IntArray:
+        """Positions in the order of their first visit, the most informative first, (Q,)."""
+        return np.array([*dict.fromkeys(self.order.tolist())], dtype=np.int64)
+
     def efficiency(self, design: Design, visit_share: float = 1.0) -> Array:
         """Return the certified D-efficiency of each against all of as many visits, (N,).
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators.uncertainty.next_measurements import best_additions
+from oed.study.parts import DesignedPlan
 from oed.study.results import FittedStudy, PlannedStudy
 from robotmodels.common.arrays import Array
 
@@ -13,6 +14,9 @@ PRECISE = 0.1
 
 _REPEATED = 2
 """Positions that are proposed for further measurements."""
+
+_LISTED = 12
+"""Positions that are listed in an order; a page's figure lists all of them."""
 
 _STEPS_NAMED = 2
 """Steps against weak combinations that are named; a page lists all of them."""
@@ -36,7 +40,7 @@ class NextStep:
     sentence : str
         The step in words, without a full stop.
     positions : tuple of int
-        Numbers of the plan's positions that it concerns, from 1.
+        Numbers of the plan's positions that it concerns, from 1, the first to measure first.
     """
 
     action: str
@@ -64,8 +68,15 @@ def _before_measuring(results: PlannedStudy) -> NextStep:
         steps = "; ".join(step.text for step in advice[:_STEPS_NAMED])
         return NextStep("reparametrise", f"before anyone measures, {steps}")
     count = len(results.plan.used)
-    where = "in position 1" if count == 1 else f"in positions 1 to {count}, in this order"
-    return NextStep("measure", f"measure {where}", tuple(range(1, count + 1)))
+    if count == 1:
+        return NextStep("measure", "measure in position 1", (1,))
+    if isinstance(results.plan, DesignedPlan) and results.plan.order is not None:
+        where = f"in positions 1 to {count}, in this order"
+        return NextStep("measure", f"measure {where}", tuple(range(1, count + 1)))
+    order = tuple(int(q) + 1 for q in results.plan.nested.positions)
+    first = ", ".join(map(str, order[:_LISTED])) + (", ..." if count > _LISTED else "")
+    sentence = f"measure in positions 1 to {count}, the most informative first: {first}"
+    return NextStep("measure", sentence, order)
 
 
 def _corrected_model(results: FittedStudy) -> NextStep:

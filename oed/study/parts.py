@@ -23,6 +23,7 @@ from oed.candidates.screening import ScreenedCandidates
 from oed.design.design import Design
 from oed.design.robust_design import RobustDesign
 from oed.exact.exact_design import ExactDesign
+from oed.exact.nested_plans import NestedPlans, nested_plans
 from oed.experiment.visiting_order import VisitingOrder
 from oed.study.stage_cache import Failure
 from oed.study.stages.data import Data
@@ -86,6 +87,12 @@ class _Plan:
         matrices = self.information.take(self.used)
         total = sum(n * matrix for n, matrix in zip(counts, matrices, strict=True))
         return identifiability(self.visit_share * total, self.information.names)
+
+    @cached_property
+    def nested(self) -> NestedPlans:
+        """The plan's visits, the most informative first, and its accuracy after each."""
+        visit = self.visit_share * np.asarray(self.information.take(self.used))
+        return nested_plans(visit, self.exact.repetitions[self.used])
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,5 +1,7 @@
 """Figures of standardised residuals: where they are large, and whether noise has their law."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
@@ -13,7 +15,12 @@ _QUANTILES = 60
 _BOUND = 3.29  # of an autocorrelation of white noise, in a thousandth of all cases
 
 
-def residual_map(standardised: Array, omega: Array, held_out: Array | None = None) -> Panels:
+def residual_map(
+    standardised: Array,
+    omega: Array,
+    held_out: Array | None = None,
+    visits: Sequence[str] = (),
+) -> Panels:
     """Return mean squared residuals by position and line, one where noise explains them.
 
     Parameters
@@ -24,6 +31,8 @@ def residual_map(standardised: Array, omega: Array, held_out: Array | None = Non
         Angular frequencies.
     held_out : ndarray, (Q', F), optional
         Mean squared errors of positions that were not fitted, in rows below the others.
+    visits : sequence of str, (Q,), optional
+        Names of rows that are visits, of which a position can have several.
     """
     edges = np.unique(np.linspace(0, len(omega), min(len(omega), _COLUMNS) + 1).astype(int))
     fitted = _mean_squares(standardised, edges)
@@ -41,7 +50,7 @@ def residual_map(standardised: Array, omega: Array, held_out: Array | None = Non
     ]
     divided = [Rule(len(fitted) + 1.0, "muted")] if rows > len(fitted) else []
     x = Axis("frequency [Hz]", (ends[0], ends[-1]), log=True, grid=False, count=8)
-    names = _names(len(fitted), rows)
+    names = _names(len(fitted), rows, visits)
     y = Axis("position", (rows + 0.5, 0.5), names=names, grid=False)
     return Panels((7.0, 0.9 + 0.17 * rows), [[Panel([*areas, *divided], x, y)]])
 
@@ -52,10 +61,11 @@ def _with_rows(fitted: Array, held_out: Array, edges: IntArray) -> Array:
     return np.concatenate([fitted, np.ones((1, fitted.shape[1])), below])
 
 
-def _names(fitted: int, rows: int) -> dict[float, str]:
-    """Return the words of rows: numbers of fitted positions, and where others are held out."""
+def _names(fitted: int, rows: int, visits: Sequence[str]) -> dict[float, str]:
+    """Return the words of rows: fitted positions or visits, and where others are held out."""
     every = np.asarray(MaxNLocator(12, integer=True).tick_values(1, fitted))
-    names = {float(tick): f"{tick:.0f}" for tick in every if 1 <= tick <= fitted}
+    shown = [int(tick) for tick in every if 1 <= tick <= fitted]
+    names = {float(row): visits[row - 1] if visits else str(row) for row in shown}
     return names | ({(fitted + 2 + rows) / 2: "held out"} if rows > fitted else {})
 
 

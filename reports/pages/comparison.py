@@ -28,7 +28,7 @@ from reports.page_elements import (
     percent_cell,
     table,
 )
-from reports.sections.verdict import discredited
+from reports.sections.verdict import KINDS, discredited
 from reports.summaries import columns
 from reports.summaries.study_summary import study_json
 from robotmodels.common.arrays import Array
@@ -37,6 +37,8 @@ from robotmodels.common.plain_data import json_data
 
 FALSE_ALARM = 0.05
 """Probability that any difference of a pair of studies is called significant by chance."""
+
+_RANKS = ("sound", "doubtful", "refused")
 
 Studies = Mapping[str, StudyResults]
 
@@ -108,13 +110,8 @@ def significant_names(differences: Differences) -> list[str]:
 
 
 def comparison_banner(studies: Studies, differences: Mapping[str, Differences]) -> Markup:
-    """Return which study is the most certain, and whether the estimates agree."""
-    spread = {name: r.fit_summary.spread[1] for name, r in studies.items()}
-    quotable = {name: value for name, value in spread.items() if np.isfinite(value)}
-    best = min(quotable, key=lambda name: quotable[name]) if quotable else ""
-    reason = "No study has a standard deviation to quote"
-    if best:
-        reason = f"{best} has the least mean standard deviation, {text.percent(quotable[best])}"
+    """Return which study to quote, and whether the estimates agree."""
+    best, reason = recommended(studies)
     if not differences:
         return page_banner("Studies of different robots", "sound", reason)
     differing = {name: significant_names(one) for name, one in differences.items()}
@@ -123,9 +120,33 @@ def comparison_banner(studies: Studies, differences: Mapping[str, Differences]) 
         verdict = f"The estimates differ significantly from those of {next(iter(studies))}"
         step = f"find out why these differ before quoting them: {'; '.join(words)}"
         return page_banner(verdict, "doubtful", reason, next_step=step)
-    return page_banner(
-        "The estimates agree", "sound", reason, next_step=f"quote {best}" if best else ""
-    )
+    kind = _kind(studies[best]) if best else "refused"
+    step = f"quote {best}" if best else ""
+    return page_banner("The estimates agree", kind, reason, next_step=step)
+
+
+def recommended(studies: Studies) -> tuple[str, str]:
+    """Return the study to quote, none if none may be, and why.
+
+    The verdict goes before the standard deviations, which are small too where noise is understated.
+    """
+    spread = {name: r.fit_summary.spread[1] for name, r in studies.items()}
+    quotable = [name for name, value in spread.items() if np.isfinite(value)]
+    if not quotable:
+        return "", "No study has a standard deviation to quote"
+    rank = {name: _RANKS.index(_kind(studies[name])) for name in quotable}
+    best = min(quotable, key=lambda name: (rank[name], spread[name]))
+    words = f"{best} ({studies[best].trust.verdict}) has a mean standard deviation of "
+    words += text.percent(spread[best])
+    smaller = [name for name in quotable if spread[name] < spread[best]]
+    if not smaller:
+        return best, f"{words}, the least"
+    doubted = [f"{name} ({studies[name].trust.verdict})" for name in smaller]
+    return best, f"{words}; smaller ones, of {text.listed(doubted)}, are less trustworthy"
+
+
+def _kind(results: StudyResults) -> str:
+    return KINDS.get(results.trust.verdict, "refused")
 
 
 def difference_table(id: str, whose: str, one: Differences) -> Table:

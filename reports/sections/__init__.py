@@ -30,6 +30,7 @@ from reports.sections import (
     uncertainty,
     validation,
 )
+from reports.sections.plan_labels import visit_numbers
 from robotmodels.common.progress import StageProgress
 
 
@@ -75,9 +76,11 @@ def _residuals(results: StudyResults) -> Section:
     held_out = None if results.validation is None else results.validation.theorem1
     more = results.fits, held_out, model_errors.picture(results)
     if results.study.fits_runs:
-        runs = tuple(f"run {e + 1}" for e in range(analysis.by_element.shape[1]))
-        by_run = residuals.element_table(analysis.by_element.T, "", runs, robot_.output_names)
-        return residuals.section(analysis, results.trust, by_run, *more)
+        runs = tuple(map(str, range(1, analysis.by_element.shape[1] + 1)))
+        by_run = residuals.element_table(analysis.by_element.T, "run", runs, robot_.output_names)
+        return residuals.section(
+            analysis, results.trust, by_run, *more, visits=visit_numbers(results)
+        )
     columns = tuple(f"from {motor}" for motor in robot_.motor_names)
     by_element = residuals.element_table(
         analysis.by_element, "output", robot_.output_names, columns

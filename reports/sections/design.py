@@ -4,7 +4,6 @@ import numpy as np
 
 from oed.design.design import Design
 from oed.design.robust_design import RobustDesign
-from oed.exact.nested_plans import nested_plans
 from oed.experiment.visiting_order import VisitingOrder
 from oed.study.parts import DesignedPlan
 from oed.study.results import FittedStudy, PlannedStudy
@@ -86,9 +85,8 @@ def convergence(design: Design) -> Figure | None:
 
 def growth(plan: DesignedPlan, study: Study) -> Figure:
     """Return standard deviations after each visit, the most informative visits first."""
-    visit = plan.visit_share * np.array([*plan.information.take(plan.used)])
-    nested = nested_plans(visit, plan.exact.repetitions[plan.used])
-    first = text.listed([str(q + 1) for q in dict.fromkeys(nested.order.tolist())])
+    nested = plan.nested
+    first = text.listed([str(q + 1) for q in nested.positions])
     time = growing_time(study, plan, nested.order)
     cost, label = (
         (np.arange(1, len(nested.order) + 1), "visits")

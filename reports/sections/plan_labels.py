@@ -68,7 +68,15 @@ def position_units(results: PlannedStudy) -> list[str]:
 
 def visit_labels(results: StudyResults) -> list[str]:
     """Return a label for each visit of runs: the position's, and which visit to it."""
-    of_positions = labels(results)
+    return _of_visits(results, labels(results))
+
+
+def visit_numbers(results: StudyResults) -> list[str]:
+    """Return ``1``, or ``1, visit 2`` where there are several, for each visit of runs."""
+    return _of_visits(results, [str(q + 1) for q in range(len(results.plan.used))])
+
+
+def _of_visits(results: StudyResults, of_positions: list[str]) -> list[str]:
     if results.measured:
         return of_positions
     visits = visits_of(results.data.estimate.positions)

@@ -15,6 +15,7 @@ def section(results: PlannedStudy, command: str = "") -> Section:
     body = filled(
         "provenance.html.j2",
         results=results,
+        fitted=isinstance(results, FittedStudy),
         command=command,
         inputs=input_table(results),
         stages=table("stages", "Time per stage.", [Column("stage"), *numbers("time [s]")], seconds),

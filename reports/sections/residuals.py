@@ -1,5 +1,7 @@
 """Residuals of the fit: whether noise explains them, and if not, where they are large."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from estimators.trust.rule import LEVEL
@@ -34,10 +36,11 @@ def section(
     fits: Fits | None = None,
     held_out: Validation | None = None,
     marked: Figure | None = None,
+    visits: Sequence[str] = (),
 ) -> Section:
     """Return the section, which ends with a table of `elements`; with `fits` residuals too.
 
-    `marked` is a picture of where the model fails.
+    `marked` is a picture of where the model fails, `visits` names the rows of residuals of runs.
     """
     body = filled(
         "residuals.html.j2",
@@ -52,8 +55,9 @@ def section(
         whiteness=text.probability(analysis.whiteness_p_value),
         outlying=text.listed([str(q + 1) for q in analysis.outlying]),
         positions=by_position(analysis),
-        pictures=[] if fits is None else pictures(fits, analysis, held_out),
+        pictures=[] if fits is None else pictures(fits, analysis, held_out, visits),
         held_out=held_out,
+        visits=visits,
         elements=elements,
     )
     return Section("residuals", "Residuals", body)
@@ -122,8 +126,14 @@ def by_position(analysis: ResidualAnalysis) -> Figure | None:
     )
 
 
-def pictures(fits: Fits, analysis: ResidualAnalysis, held_out: Validation | None) -> list[Figure]:
+def pictures(
+    fits: Fits,
+    analysis: ResidualAnalysis,
+    held_out: Validation | None,
+    visits: Sequence[str] = (),
+) -> list[Figure]:
     """Return maps and laws of the standardised residuals."""
+    row = "visit" if visits else "position"
     return [
         figure(
             "residual-map",
@@ -131,8 +141,9 @@ def pictures(fits: Fits, analysis: ResidualAnalysis, held_out: Validation | None
                 fits.standardised,
                 fits.result.problem.omega,
                 None if held_out is None else held_out.mean_squares,
+                visits,
             ),
-            "Mean squared standardised residuals, a row for each position along the frequencies",
+            f"Mean squared standardised residuals, a row for each {row} along the frequencies",
         ),
         figure(
             "residual-laws",

@@ -155,7 +155,8 @@
       text
         .replace(/×\s10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)/g, (_, digits) => `$\\times 10^{${ascii(digits)}}$`)
         .replace(/([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)/g, (_, digits) => `$^{${ascii(digits)}}$`)
-        .replaceAll("−", "$-$").replaceAll("±", "$\\pm$").replaceAll("°", "$^\\circ$").replaceAll("≥", "$\\ge$");
+        .replaceAll("−", "$-$").replaceAll("±", "$\\pm$").replaceAll("°", "$^\\circ$").replaceAll("≥", "$\\ge$")
+        .replaceAll("∞", "$\\infty$").replace(/[µμ]/g, "$\\mu$");
     const ascii = (digits) => [...digits].map((one) => "-0123456789"["⁻⁰¹²³⁴⁵⁶⁷⁸⁹".indexOf(one)]).join("");
     const cell = (one) => {
       const text = powers(escaped(one.textContent.trim().replace(/\s+/g, " ")));

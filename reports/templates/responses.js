@@ -51,10 +51,11 @@
     bar.append(holder);
     return box;
   };
-  const VIEWS = ["Bode and residuals", "Nyquist", "singular values", "coherence"];
+  const VIEWS = ["Bode and residuals", "Nyquist", "singular values", "coherence from SNR"];
   const toBox = select("to", data.outputs, "i");
   const fromBox = select("from", data.inputs, "j");
   select("as", VIEWS, "view");
+  const SINGULAR = 2; // of the whole matrix, not of an element
   const positions = data.ids.map((_, q) => `position ${q + 1}`);
   if (Q > 1) select("beside", ["no other", "all positions", ...positions], "beside");
   const BANDS = ["model, one standard deviation", "posterior predictive, 95 %"];
@@ -169,7 +170,7 @@
     [...one.size].map((v, k) => 1 / (1 + data.repetitions[q] * Math.exp(2 * (one.std[k] - v))));
   const coherence = (svg, one) => {
     const plane = axes(svg, [62, 10, 780, 440], frequencies, [0, 1.02],
-      { ys: ticks(0, 1), title: "coherence of one experiment", xTitle: "frequency [Hz]", name: "a" });
+      { ys: ticks(0, 1), title: "coherence of one experiment, from its SNR", xTitle: "frequency [Hz]", name: "a" });
     for (const q of besides()) plane.line(f, coherenceOf(element(q, state.i, state.j), q), "muted", 0.7);
     plane.line(f, coherenceOf(one, state.q), "accent", 1.4);
     return [plane];
@@ -190,13 +191,27 @@
       }
       parts.push(`residual ${residual(one, k).map((v) => v.toFixed(1)).join(" and ")} std (real and imaginary part)`);
     }
-    parts.push(`coherence ${coherenceOf(one, state.q)[k].toFixed(3)}`);
+    parts.push(`coherence from SNR ${coherenceOf(one, state.q)[k].toFixed(3)}`);
+    return parts.join("; ").replaceAll("-", "−");
+  };
+
+  const toldSingular = (k) => {
+    const rank = Math.min(m, n);
+    const sizes = (array, length, at) => Array.from({ length: rank }, (_, r) =>
+      (DECIBELS * cut(array, state.q * rank + r, length)[at]).toFixed(1)).join(", ");
+    const parts = [`${words(f[k], 4)} Hz`, `measured ${sizes(singular, F, k)} dB`];
+    if (modelSingular) parts.push(`model ${sizes(modelSingular, fine.length, line(k))} dB`);
     return parts.join("; ").replaceAll("-", "−");
   };
 
   const draw = () => {
     const one = element(state.q, state.i, state.j);
-    const title = `Position ${state.q + 1}, from ${data.inputs[state.j]} to ${data.outputs[state.i]}: ${VIEWS[state.view]}`;
+    const whole = state.view === SINGULAR;
+    const which = whole ? "" : `, from ${data.inputs[state.j]} to ${data.outputs[state.i]}`;
+    const title = `Position ${state.q + 1}${which}: ${VIEWS[state.view]}`;
+    for (const box of [toBox, fromBox]) box.parentElement.hidden = whole;
+    for (const part of figure.querySelectorAll("[data-views]"))
+      part.hidden = !part.dataset.views.includes(state.view);
     const svg = make("svg", { viewBox: "0 0 860 500", role: "img", tabindex: 0, "aria-label": title });
     svg.style.setProperty("--width", 600);
     const planes = DRAWINGS[state.view](svg, one);
@@ -210,7 +225,7 @@
         ? `M${points[at][0] - 6} ${points[at][1]}h12m-6-6v12`
         : planes.map(({ box: [, top, , height] }) => `M${across(f[at])} ${top}v${height}`).join("");
       cross.setAttribute("d", d);
-      readout.textContent = told(one, at);
+      readout.textContent = whole ? toldSingular(at) : told(one, at);
     };
     svg.addEventListener("pointermove", (event) => {
       const { x, y } = new DOMPoint(event.clientX, event.clientY).matrixTransform(svg.getScreenCTM().inverse());

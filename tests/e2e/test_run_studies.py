@@ -6,6 +6,7 @@ import shutil
 
 import numpy as np
 import pytest
+from browser import violations_of
 from conftest import STUDY, oed, write_study
 from test_study_data import TRUTH, fitted, ran
 
@@ -83,6 +84,15 @@ def test_a_visit_of_one_run_is_worth_its_part_of_an_experiment(simulated):
     predicted = design_study(load_study(both)).plan_summary.predicted
     ratio = np.divide(design["predicted"]["std"], [one.std for one in predicted])
     np.testing.assert_allclose(ratio, np.sqrt(2))
+
+
+def test_axe_finds_no_violation_on_a_page_of_runs_and_rows_of_its_map_are_visits(simulated):
+    _, folder, page = simulated
+    assert violations_of(folder / "report.html") == []
+    picture = page[page.index('id="residual-map"') :]
+    names = re.findall(r"<text[^>]*>([^<]*)</text>", picture[: picture.index("</svg>")])
+    assert {"1", "2"} & set(names)
+    assert any(name.endswith(", visit 2") for name in names)
 
 
 @pytest.mark.parametrize(

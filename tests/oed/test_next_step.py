@@ -1,5 +1,6 @@
 """What to do next, from information matrices that tell it by hand."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from estimators.trust.intervals import Verdict
 from estimators.uncertainty.identifiability import identifiability
 from oed.study.next_step import next_step
-from oed.study.parts import MeasuredData
+from oed.study.parts import DesignedPlan, MeasuredData
 from oed.study.results import FittedStudy, PlannedStudy
 from oed.study.robot_time import RobotTime, growing_time, robot_time
 
@@ -81,9 +82,22 @@ def test_what_no_data_tell_is_fixed_before_and_after_measuring():
         assert "fix g1.damping" in step.sentence
 
 
-def test_a_plan_is_measured_in_its_order():
-    step = next_step(PlannedStudy(None, None, plan_of([1e4, 0], [0, 1e4]), None))
-    assert (step.action, step.positions) == ("measure", (1, 2))
+def test_a_plan_is_measured_in_the_order_of_visits_or_of_information():
+    matrices = np.array([np.diag([100.0, 1.0]), np.diag([1e4, 1e4]), np.diag([1.0, 300.0])])
+    information = SimpleNamespace(take=lambda indices: matrices[indices], names=NAMES)
+    exact = SimpleNamespace(repetitions=np.array([1, 2, 1]))
+    plan = DesignedPlan(
+        information, None, exact, np.arange(3), np.ones(2), 1, 1.0, None, robust=None, order=None
+    )
+    step = next_step(PlannedStudy(None, None, plan, None))
+    # Without the first visit the determinant falls least, then without the third.
+    assert (step.action, step.positions) == ("measure", (2, 3, 1))
+    assert step.sentence.endswith("positions 1 to 3, the most informative first: 2, 3, 1")
+    step = next_step(PlannedStudy(None, None, replace(plan, order=object()), None))
+    assert (step.sentence, step.positions) == (
+        "measure in positions 1 to 3, in this order",
+        (1, 2, 3),
+    )
 
 
 def test_measured_responses_take_no_robot_time_and_records_what_they_last():

@@ -314,3 +314,22 @@ def test_estimators_that_did_alike_are_named_together():
 def test_words_say_in_which_positions_the_tool_is_predicted():
     assert tool.positions_words(30, 30) == "each position"
     assert tool.positions_words(24, 30) == "the first 24 of 30 positions"
+
+
+def test_of_studies_side_by_side_the_verdict_goes_before_small_standard_deviations():
+    def study(verdict, mean):
+        trust = SimpleNamespace(verdict=Verdict(verdict, "why"))
+        return SimpleNamespace(fit_summary=SimpleNamespace(spread=(0.0, mean, 1.0)), trust=trust)
+
+    studies = {"low": study("noise understated", 0.01), "good": study("trustworthy", 0.02)}
+    best, reason = comparison.recommended(studies)
+    assert best == "good"
+    assert "low (noise understated), are less trustworthy" in reason
+    studies["better"] = study("noise correlated", 0.015)
+    assert comparison.recommended(studies)[0] == "better"
+    assert comparison.recommended({"low": studies["low"]}) == (
+        "low",
+        "low (noise understated) has a mean standard deviation of 1.0\u202f%, the least",
+    )
+    nothing = {"none": study("model error", np.nan)}
+    assert comparison.recommended(nothing) == ("", "No study has a standard deviation to quote")
