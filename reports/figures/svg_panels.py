@@ -230,7 +230,7 @@ def _legend(panels: Panels, right: float) -> str:
         out.append(_words(right, _EDGE + 9, name, "start", "ink"))
         d = f"M{right - 15:.1f} {_EDGE + 6:.1f}h10"
         out.append(f'<path d="{d}" stroke="var(--{colour})" stroke-width="3"/>')
-        right -= 26.0
+        right -= 30.0
     return "".join(out)
 
 
