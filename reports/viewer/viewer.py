@@ -23,7 +23,7 @@ from robotmodels.common.errors import IdentificationError
 
 _PAUSE = 1 / 30  # between two pictures [s]
 _SLOW = 0.5  # cycles of a mode a second, whatever its frequency
-_CAMERA = np.array([0.8, -0.6, 0.4])
+_CAMERA = np.array([0.68, -0.51, 0.34])
 """From what is looked at, over its size."""
 
 
