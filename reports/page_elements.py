@@ -172,7 +172,7 @@ _DIMENSIONLESS = re.compile(
     r"p-value|share|correlation|ratio|gear ratio|z|dof|R-hat|ESS|BIC|score|cost"
     r"|over best|expected fall|fall of the cost|held out|misfit per datum|independent|simulated"
     r"|residuals over expected"
-    r"|(relative efficiency|inflation|condition|largest singular value|from ).+|.+ / .+"
+    r"|(relative efficiency|inflation|condition|largest singular value).+|[^\[]+ / [^\[]+"
 )
 """Titles of numbers without a dimension; counts have what they count in their title."""
 

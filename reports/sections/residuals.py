@@ -20,6 +20,7 @@ from reports.page_elements import (
     Table,
     figure,
     filled,
+    in_unit,
     number_cell,
     numbers,
     table,
@@ -162,4 +163,4 @@ def element_table(
         for name, row in zip(names, ratio, strict=True)
     ]
     caption = "Sum of squared residuals over its expectation, element by element; 1 for noise."
-    return table("residuals-by-element", caption, [Column(head), *numbers(*columns)], rows)
+    return table("residuals-by-element", caption, [Column(head), *in_unit("–", *columns)], rows)

@@ -227,9 +227,9 @@ def test_tables_keep_numbers_exact_and_units_whole():
 
 
 def test_numbers_without_a_dimension_say_so_and_counts_say_of_what():
-    titles = ("p-value", "Theorem 1 / posterior", "from m1", "relative efficiency, predicted")
+    titles = ("p-value", "Theorem 1 / posterior", "relative efficiency, predicted")
     assert [one.title for one in numbers(*titles)] == [f"{title} [–]" for title in titles]
-    plain = ("visits", "std [%]", "candidates from", "estimate")
+    plain = ("visits", "std [%]", "torque / limit [%]", "candidates from", "estimate")
     assert [one.title for one in numbers(*plain)] == [*plain]
     assert numbers("p-value")[0].explanation == numbers("p-value [–]")[0].explanation != ""
 
