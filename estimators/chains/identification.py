@@ -1,6 +1,7 @@
 """Inverse eigenvalue identification of coupled chains from FRFs, [HBH] in full, with covariance."""
 
 from dataclasses import replace
+from functools import partial
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -24,6 +25,7 @@ from estimators.chains.whitened_frf import Data, prepared, unfrictioned
 from estimators.frf.frf_estimate import FrfEstimate
 from robotmodels.common.arrays import Array, ComplexArray, is_count, real_numbers
 from robotmodels.common.errors import InvalidInput, NotIdentifiable, nearest
+from robotmodels.linear.held_torques import held_torque_images
 from robotmodels.linear.response import check_omega
 
 Method = Literal["likelihood", "lanczos", "stepwise"]
@@ -249,7 +251,6 @@ def _checked_covariance(covariance: NDArray[Any], shape: tuple[int, ...]) -> NDA
     return covariance
 
 
-_IMAGES = 40
 _COUNTS = 0.02  # of a standard deviation, from which on images are taken off
 
 
@@ -263,15 +264,8 @@ def held_images(modes: FittedModes, sample_time: float, delay: float = 0.0) -> C
     delay : float, s
         Delay that the FRFs were corrected for, beside that of the modes.
     """
-    omega = modes.data.omega
-    total = np.zeros(modes.data.response.shape, dtype=complex)
-    for m in [k for i in range(1, _IMAGES + 1) for k in (-i, i)]:
-        image = omega + 2 * np.pi * m / sample_time
-        G = modal_response(modes.x, modes.layout, np.abs(image))
-        G = np.where(image[:, None, None] < 0, np.conj(G), G)
-        share = (omega / image) ** 3 * np.exp(-1j * (image - omega) * delay)
-        total += share[:, None, None] * G
-    return total
+    response = partial(modal_response, modes.x, modes.layout)
+    return held_torque_images(response, modes.data.omega, sample_time, delay=delay)
 
 
 def image_size(data: Data, sample_time: float) -> Array:

@@ -315,7 +315,7 @@ def run_problem(
     check_model(model, spectra)
     return RunProblem(
         model=model,
-        data=spectra,
+        data=spectra.without_images(model),
         weighting=_weighting(spectra, "auto" if weights is None else weights),
         bounds=read_only(checked_bounds(bounds, model.parameters)),
         prior=prior,

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -20,8 +20,10 @@ from robotmodels.common.arrays import (
 from robotmodels.common.deprecation import renamed_attributes
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.printing import ReprHtml
+from robotmodels.linear.held_torques import held_torque_images
 from robotmodels.linear.noise import NoiseLaw
 from robotmodels.linear.response import Elastic, frequency_response
+from robotmodels.records.records import Records
 
 
 def vec(matrices: NDArray[Any]) -> NDArray[Any]:
@@ -216,6 +218,26 @@ class FrfEstimate(ReprHtml):
             f"{high:.3g} Hz; median signal-to-noise ratio {decibel:.0f} dB, errors of elements "
             f"{noise}"
         )
+
+    def without_images(self, model: Elastic, records: Records, delay: float = 0.0) -> "FrfEstimate":
+        """Return the estimate without images of held torques, by a model's nominal values.
+
+        Parameters
+        ----------
+        model : Elastic
+            Whose FRFs these are, see `held_torque_images`.
+        records : Records
+            Where they come from; measured torques have none.
+        delay : float, s
+            As in `estimators.estimate_frf`.
+        """
+        if not records.commanded:
+            return self
+        sampling = records.sample_time, records.derivatives, delay
+        images = held_torque_images(
+            partial(frequency_response, model, self.positions), self.omega, *sampling
+        )
+        return replace(self, response=self.response - images)
 
     def of_lines(self, step: int) -> "FrfEstimate":
         """Return the estimate at every `step`-th line."""

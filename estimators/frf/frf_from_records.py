@@ -169,6 +169,8 @@ def measured_frf(
         with _stage(report, "FRFs"):
             visits = _visits(source, method, covariance, structure, signals)
             estimate, missing = merge_visits(visits), source.missing
+            if elastic is not None and hold:
+                estimate = estimate.without_images(elastic, source.first, delay)
         with _stage(report, "distortion"):
             levels = _distortion(source, method, signals)
         modelled = None if elastic is None else _modelled(estimate, elastic, path)

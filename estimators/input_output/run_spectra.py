@@ -30,8 +30,9 @@ from robotmodels.common.arrays import (
 )
 from robotmodels.common.errors import IdentificationWarning, InvalidInput
 from robotmodels.common.printing import ReprHtml
+from robotmodels.linear.held_torques import held_torque_images
 from robotmodels.linear.linear_model import Channels
-from robotmodels.linear.response import Elastic
+from robotmodels.linear.response import Elastic, frequency_response
 from robotmodels.records.records import Records
 
 
@@ -71,6 +72,9 @@ class RunSpectra(ReprHtml):
         frequency, in blocks of lines, instead of the model's states.
     commanded : bool
         Whether inputs are commands, to which the model's torque loop belongs, or measured torques.
+    held : float, s
+        Sampling time over which inputs were held, whose images the outputs contain, see
+        `held_torque_images`; 0 where there are none.
     coulomb : CoulombSpectra or None
         Friction of the motors, whose levels are estimated along; the first outputs are their
         angles. Inputs are torques less the friction of its levels.
@@ -91,6 +95,7 @@ class RunSpectra(ReprHtml):
     derivatives: IntArray = 2  # type: ignore[assignment]
     polynomials: bool = False
     commanded: bool = True
+    held: float = 0.0
     coulomb: CoulombSpectra | None = None
     silent: tuple[SilentLines | None, ...] = ()
 
@@ -144,6 +149,16 @@ class RunSpectra(ReprHtml):
         silent = tuple(self.silent[int(q)] for q in np.asarray(rows) if self.silent)
         arrays: dict[str, Any] = {name: getattr(self, name)[rows] for name in _EACH}
         return replace(self, coulomb=coulomb, silent=silent, **arrays)
+
+    def without_images(self, model: Elastic) -> "RunSpectra":
+        """Return the spectra without images of held inputs, by the model's nominal values."""
+        if not self.held:
+            return self
+        response = partial(frequency_response, model, self.positions)
+        sampling = self.held, self.derivatives, self.delay
+        images = held_torque_images(response, self.omega, *sampling)
+        outputs = self.outputs - np.einsum("qfmn,qefn->qefm", images, self.inputs)
+        return replace(self, outputs=outputs, held=0.0)
 
     def at_coulomb(self, levels: Array) -> "RunSpectra":
         """Return the spectra with the friction of other levels (Q, n) [N m] taken off."""
@@ -220,7 +235,7 @@ def _alike(data: RunSpectra) -> tuple[ArrayLike, ...]:
     """Return what spectra that are joined have in common, see `_ALIKE`."""
     sizes = data.inputs.shape[3], data.outputs.shape[3]
     kinds = data.coulomb is not None, data.polynomials, data.commanded
-    states = data.sample_time or 0.0, data.delay, *kinds, *data.derivatives
+    states = data.sample_time or 0.0, data.delay, data.held, *kinds, *data.derivatives
     return data.omega, sizes, states
 
 
@@ -327,6 +342,7 @@ def run_spectra(
         derivatives=records.derivatives,
         polynomials=states == "polynomial",
         commanded=records.commanded,
+        held=records.sample_time if hold and records.commanded else 0.0,
         silent=silent,
         coulomb=None
         if friction is None

@@ -160,6 +160,8 @@ def _fitted(
         estimate = estimate_frf(
             parts, data.method, structure="diagonal", hold=data.hold, delay=data.delay
         )
+    if data.hold:
+        estimate = estimate.without_images(run.robot, parts[0], data.delay)
     periods = sum(int(np.prod(one.angle.shape[:5])) for one in parts)
     return Excitation(
         amplitude,

@@ -235,6 +235,7 @@ def _ours(
     bounds = np.outer([10**-REACH, 10**REACH], robot.parameters.values)
     begun = time.perf_counter()
     estimate = estimate_frf(records, covariance="noise", transient=1)
+    estimate = estimate.without_images(robot, records)
     shared = (time.perf_counter() - begun) / sum(len(starts) for _, starts in distances)
     # Compiling and loading, done once, are no part of a fit.
     fit(robot, estimate, "lls", "user", distances[0][1][0], bounds, max_evaluations=1)

@@ -88,6 +88,9 @@ def simulate(
     for name in ("backlash", "angle_noise", "torque_disturbance", "torque_limit"):
         imperfections.per_motor(name, positions.shape[1])
     imperfections.per_motor("output_noise", len(robot.outputs), "output")
+    # With none named all are excited, as by random signals.
+    line = max(np.asarray(lines), default=signals.shape[-2] // 2)
+    highest = float(2 * np.pi * line / (signals.shape[-2] * controller.sample_time))
     blocks_of_positions = list(product(range(len(positions)), range(signals.shape[1])))
     blocks = [
         Block(
@@ -100,6 +103,7 @@ def simulate(
             transient,
             periods,
             envelope,
+            highest,
             f"position {i + 1}, block {b + 1}",
         )
         for (i, b), seed in zip(

@@ -44,6 +44,8 @@ class Block:
         Dropped and recorded periods.
     envelope : ndarray, (N,)
         Factors of the samples of the first period.
+    highest : float, rad/s
+        Highest excited line.
     where : str
         What errors call it.
     """
@@ -57,6 +59,7 @@ class Block:
     transient: int
     periods: int
     envelope: Array
+    highest: float
     where: str
 
 
@@ -76,7 +79,9 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
     state, hold = static_state(plant, robot, block.position, block.where)
     if not flaws.nonlinear_gears:
         linearise_gears(plant, state)
-    steps = substeps(plant, robot.file, state, controller.sample_time, flaws.friction)
+    steps = substeps(
+        plant, robot.file, state, controller.sample_time, block.highest, flaws.friction
+    )
     n = len(hold)
     state = open_gears(plant, state, flaws.per_motor("backlash", n))
     engine, springs, scratch = _mujoco_state(plant), springs_of(plant), _scratch(len(state))
@@ -259,6 +264,7 @@ def _brakes(
 
 _SAFETY = 1.15  # of poles, for positions nearby
 _STICKING = 4
+_ACCURACY = 2e-4  # of the frequencies of modes, so that stiffness is within 0.04 %
 """Steps per sample at least with sharp friction, whose torque is constant over a step.
 
 Where light motors of wrists stop, one step a sample makes their springs seem 0.2 to 0.5 % softer;
@@ -335,18 +341,30 @@ def open_gears(plant: PlantModel, state: Array, gaps: Array) -> Array:
 
 
 def substeps(
-    plant: PlantModel, file: RobotFile, state: Array, sample_time: float, friction: float = 0.0
+    plant: PlantModel,
+    file: RobotFile,
+    state: Array,
+    sample_time: float,
+    highest: float,
+    friction: float = 0.0,
 ) -> int:
-    """Return the least number of steps per sample with which the integration is stable.
+    """Return the least number of steps per sample that are stable, and accurate at the lines.
 
-    `friction` is the factor of Coulomb friction, whose stops take some steps where it is sharp.
+    A mode p has the frequency of exp(p h) in exact steps h; of one far above the `highest` line
+    [rad/s] responses at lines have a share (highest / p)^2 only. `friction` is the factor of
+    Coulomb friction, whose stops take some steps where it is sharp.
     """
     poles = _SAFETY * _poles(plant, file, state) * sample_time
+    sizes = np.maximum(np.abs(poles), 1e-12)
+    allowed = _ACCURACY * sizes * np.maximum(1.0, (sizes / (highest * sample_time)) ** 2)
     sharp = friction and any(m.coulomb and not m.coulomb_width for m in file.motors)
     count = _STICKING if sharp else 1
-    while (np.abs(np.polyval(STABILITY, poles / count)) > 1 + 1e-9).any():
+    while True:
+        steps = np.polyval(STABILITY, poles / count)
+        stable = (np.abs(steps) <= 1 + 1e-9).all()
+        if stable and (count * np.abs(np.exp(poles / count) - steps) <= allowed).all():
+            return count
         count += 1
-    return count
 
 
 def _poles(plant: PlantModel, file: RobotFile, state: Array) -> ComplexArray:
