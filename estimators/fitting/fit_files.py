@@ -110,6 +110,8 @@ def read_fits(
         groups, weights = file.numbered("fit_"), tuple[str, ...]()
         if isinstance(estimate, FrfEstimate):
             weights = file.numbered("weights_", digits=1)
+        else:
+            estimate = estimate.without_images(model)
         contents = file.read(
             ArraySchema({"names": _NAMES, **dict.fromkeys(weights, _WEIGHTS)}), beside=groups
         )

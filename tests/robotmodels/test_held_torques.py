@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from estimators import estimate_frf, fit, run_spectra
+from estimators import estimate_frf, fit, read_fits, run_spectra, write_fits
 from robotmodels import frequency_response, load_robot
 from robotmodels.linear.held_torques import held_torque_images
 from robotmodels.simulation import simulate_block
@@ -117,6 +117,15 @@ def test_fits_of_held_torques_have_the_true_springs(robot, sampled, data):
     right, wrong = (np.abs(one.parameters.values / truth - 1)[springs].max() for one in fits)
     assert right < 1e-4
     assert wrong > 5 * right
+
+
+def test_stored_fits_of_runs_have_their_data(robot, sampled, tmp_path):
+    runs = run_spectra(sampled, noise=(1e-6, 1e-9), states="no")
+    found = fit(robot, runs)
+    write_fits([found], tmp_path / "fits.h5")
+    (again,) = read_fits(tmp_path / "fits.h5", robot, runs)
+    residuals, _ = again.problem.evaluate(again.parameters.values)
+    assert residuals @ residuals == pytest.approx(found.cost, rel=1e-6)
 
 
 def test_mujoco_takes_steps_that_are_accurate_at_the_lines(robot, signals, monkeypatch):

@@ -139,6 +139,7 @@ def read_data(run: Run, records: Path, progress: Progress | None = None) -> Data
             else:
                 runs = run_spectra(recorded, choice.noise, **options)
             check_model(run.robot, runs)
+            runs = runs.without_images(run.robot)
             check_rigid_runs(runs, run.robot)
         return Data(runs, warnings=tuple(warnings))
     measured = measured_frf(
