@@ -122,7 +122,7 @@ def test_fits_of_held_torques_have_the_true_springs(robot, sampled, data):
 def test_stored_fits_of_runs_have_their_data(robot, sampled, tmp_path):
     runs = run_spectra(sampled, noise=(1e-6, 1e-9), states="no")
     found = fit(robot, runs)
-    write_fits([found], tmp_path / "fits.h5")
+    write_fits(tmp_path / "fits.h5", [found])
     (again,) = read_fits(tmp_path / "fits.h5", robot, runs)
     residuals, _ = again.problem.evaluate(again.parameters.values)
     assert residuals @ residuals == pytest.approx(found.cost, rel=1e-6)
