@@ -72,7 +72,7 @@ class RunSpectra(ReprHtml):
         frequency, in blocks of lines, instead of the model's states.
     commanded : bool
         Whether inputs are commands, to which the model's torque loop belongs, or measured torques.
-    held : float, s
+    hold_time : float, s
         Sampling time over which inputs were held, whose images the outputs contain, see
         `held_torque_images`; 0 where there are none.
     coulomb : CoulombSpectra or None
@@ -95,7 +95,7 @@ class RunSpectra(ReprHtml):
     derivatives: IntArray = 2  # type: ignore[assignment]
     polynomials: bool = False
     commanded: bool = True
-    held: float = 0.0
+    hold_time: float = 0.0
     coulomb: CoulombSpectra | None = None
     silent: tuple[SilentLines | None, ...] = ()
 
@@ -152,13 +152,13 @@ class RunSpectra(ReprHtml):
 
     def without_images(self, model: Elastic) -> "RunSpectra":
         """Return the spectra without images of held inputs, by the model's nominal values."""
-        if not self.held:
+        if not self.hold_time:
             return self
         response = partial(frequency_response, model, self.positions)
-        sampling = self.held, self.derivatives, self.delay
+        sampling = self.hold_time, self.derivatives, self.delay
         images = held_torque_images(response, self.omega, *sampling)
         outputs = self.outputs - np.einsum("qfmn,qefn->qefm", images, self.inputs)
-        return replace(self, outputs=outputs, held=0.0)
+        return replace(self, outputs=outputs, hold_time=0.0)
 
     def at_coulomb(self, levels: Array) -> "RunSpectra":
         """Return the spectra with the friction of other levels (Q, n) [N m] taken off."""
@@ -235,7 +235,7 @@ def _alike(data: RunSpectra) -> tuple[ArrayLike, ...]:
     """Return what spectra that are joined have in common, see `_ALIKE`."""
     sizes = data.inputs.shape[3], data.outputs.shape[3]
     kinds = data.coulomb is not None, data.polynomials, data.commanded
-    states = data.sample_time or 0.0, data.delay, data.held, *kinds, *data.derivatives
+    states = data.sample_time or 0.0, data.delay, data.hold_time, *kinds, *data.derivatives
     return data.omega, sizes, states
 
 
@@ -342,7 +342,7 @@ def run_spectra(
         derivatives=records.derivatives,
         polynomials=states == "polynomial",
         commanded=records.commanded,
-        held=records.sample_time if hold and records.commanded else 0.0,
+        hold_time=records.sample_time if hold and records.commanded else 0.0,
         silent=silent,
         coulomb=None
         if friction is None

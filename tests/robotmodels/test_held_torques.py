@@ -110,8 +110,8 @@ def test_fits_of_held_torques_have_the_true_springs(robot, sampled, data):
         pair = [estimate.without_images(robot, sampled), estimate]
     else:
         runs = run_spectra(sampled, noise=(1e-6, 1e-9), states="no")
-        assert runs.held == SAMPLE_TIME
-        pair = [runs, replace(runs, held=0.0)]
+        assert runs.hold_time == SAMPLE_TIME
+        pair = [runs, replace(runs, hold_time=0.0)]
     fits = [fit(robot, one, "nls" if data == "FRFs" else None) for one in pair]
     springs = [name.endswith("stiffness") for name in robot.parameters.names]
     right, wrong = (np.abs(one.parameters.values / truth - 1)[springs].max() for one in fits)
