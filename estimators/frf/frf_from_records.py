@@ -167,10 +167,8 @@ def measured_frf(
         usable, left_out = _usable(source, method, band, insist=bool(local))
         signals: dict[str, Any] = {"delay": delay, "hold": hold, "lines": usable.lines}
         with _stage(report, "FRFs"):
-            visits = _visits(source, method, covariance, structure, signals)
+            visits = _visits(source, elastic, method, covariance, structure, signals)
             estimate, missing = merge_visits(visits), source.missing
-            if elastic is not None and hold:
-                estimate = estimate.without_images(elastic, source.first, delay)
         with _stage(report, "distortion"):
             levels = _distortion(source, method, signals)
         modelled = None if elastic is None else _modelled(estimate, elastic, path)
@@ -245,12 +243,22 @@ def _check_local(source: "_Source", lines: int) -> None:
 
 
 def _visits(
-    source: "_Source", method: str, covariance: str, structure: str, signals: dict[str, Any]
+    source: "_Source",
+    robot: "ElasticRobot | None",
+    method: str,
+    covariance: str,
+    structure: str,
+    signals: dict[str, Any],
 ) -> FrfEstimate:
-    """Estimate the FRFs of every visit."""
+    """Estimate the FRFs of every visit; those of a robot have no images of held torques."""
     if method == LOCAL:
-        return local_frf(source, structure=structure, **_LOCAL_MODEL, **signals)
-    return estimate_frf(source, method, covariance=covariance, structure=structure, **signals)
+        visits = local_frf(source, structure=structure, **_LOCAL_MODEL, **signals)
+    else:
+        how = {"covariance": covariance, "structure": structure}
+        visits = estimate_frf(source, method, **how, **signals)
+    if robot is None or not signals["hold"]:
+        return visits
+    return visits.without_images(robot, source.first, signals["delay"])
 
 
 def _distortion(source: "_Source", method: str, signals: dict[str, Any]) -> Distortion | None:
