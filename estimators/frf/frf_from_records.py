@@ -254,8 +254,8 @@ def _visits(
     if method == LOCAL:
         visits = local_frf(source, structure=structure, **_LOCAL_MODEL, **signals)
     else:
-        how = {"covariance": covariance, "structure": structure}
-        visits = estimate_frf(source, method, **how, **signals)
+        signals = {"covariance": covariance, "structure": structure, **signals}
+        visits = estimate_frf(source, method, **signals)
     if robot is None or not signals["hold"]:
         return visits
     return visits.without_images(robot, source.first, signals["delay"])
