@@ -143,7 +143,7 @@ def test_an_element_is_enlarged_and_tells_its_values(desktop, small_study):
     values = [float(word.replace("−", "-")) for word in measured.groups()]
     expected = [hertz, 20 * np.log10(abs(response)), np.degrees(np.angle(response)), 100 * share]
     np.testing.assert_allclose(values, expected, rtol=0.05, atol=0.6)
-    for view in ("Nyquist", "singular values", "coherence"):
+    for view in ("Nyquist", "singular values", "coherence from SNR"):
         element.get_by_label("as", exact=True).select_option(view)
         element.get_by_label("beside").select_option("all positions")
         assert "NaN" not in drawing.inner_html()
