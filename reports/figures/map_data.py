@@ -27,6 +27,8 @@ class MapData:
         Their values.
     sensitivity : ndarray, (Q,)
         1 at the optimum.
+    weights : ndarray, (Q,)
+        Shares of the visits in the relaxed design; few are above zero.
     plan : ndarray, (P, c)
         Positions of the plan.
     visits : sequence of str, (P,)
@@ -42,6 +44,7 @@ class MapData:
     names: Sequence[str]
     candidates: Array
     sensitivity: Array
+    weights: Array
     plan: Array
     visits: Sequence[str]
     refused: Array
@@ -55,6 +58,9 @@ class MapData:
             "names": [*self.names],
             "candidates": packed(self.candidates, _DIGIT, 0),
             "sensitivity": packed(self.sensitivity[:, None], _OF_SENSITIVITY, 0),
+            "weights": {
+                int(q): float(f"{self.weights[q]:.3g}") for q in np.flatnonzero(self.weights)
+            },
             "plan": self.plan.round(3).tolist(),
             "visits": [*self.visits],
             "refused": self.refused.round(3).tolist(),

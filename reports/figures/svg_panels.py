@@ -14,6 +14,7 @@ from robotmodels.common.arrays import Array, IntArray
 _UNITS = 10.0  # of a path in a point
 _LETTER, _LINE = 0.6, 12.0  # width of a letter in its height, and height of a line [pt]
 _SMALL, _SIZE = 8.0, 9.0  # letters of numbers, and of labels [pt]
+_ROOM = 1.2  # of words in a legend, which are larger on narrow screens
 _WIDE = 0x2E80  # code of the first letter of these scripts
 _GAP, _EDGE = 8.0, 4.0  # between panels, and around all of them [pt]
 
@@ -226,7 +227,7 @@ def _legend(panels: Panels, right: float) -> str:
     """Return names with dots of their colours, above the panels and to the right."""
     out = []
     for name, colour in reversed(panels.legend):
-        right -= _width(name, _SIZE)
+        right -= _ROOM * _width(name, _SIZE)
         out.append(_words(right, _EDGE + 9, name, "start", "ink"))
         d = f"M{right - 15:.1f} {_EDGE + 6:.1f}h10"
         out.append(f'<path d="{d}" stroke="var(--{colour})" stroke-width="3"/>')

@@ -30,16 +30,18 @@ def write_prediction_page(
     """
     frame = prediction.frame
     where = f"{frame.link} at {', '.join(f'{x:g}' for x in frame.at)} m, axes of the {frame.axes}"
-    sections = [
-        Section("positions", "Compliance and modes", _body([], prediction_table(prediction)))
-    ]
-    if prediction.response is not None:
-        count = min(len(prediction.points), _SHOWN)
-        sections.append(Section("responses", "Responses", _body(_responses(prediction, count))))
+    sections = []
     if len(prediction.points) > _SHOWN:
         alt = "Compliance, lowest resonance, its damping, and their deviations, over the workspace"
-        drawing = figure("workspace", workspace(prediction), alt, wide=True)
+        caption = "Each dot is a position; all standard deviations are relative."
+        drawing = figure("workspace", workspace(prediction), alt, caption=caption, wide=True)
         sections.append(Section("map", "Over the workspace", _body([drawing])))
+    if prediction.response is not None:
+        count = min(len(prediction.points), _SHOWN)
+        drawings = _responses(prediction, count)
+        sections.append(Section("responses", "Responses", _body(drawings)))
+    table = prediction_table(prediction)
+    sections.append(Section("positions", "Compliance and modes", _body([], table)))
     lead = f"What the identified parameters say of {where}, with {prediction.compliance.level:.0%} "
     lead += f"bands of what they leave open ({spread}); errors of the model are not in them."
     banner = bands_banner(prediction.compliance.level, trust)
@@ -48,10 +50,22 @@ def write_prediction_page(
 
 
 def _responses(prediction: ToolPrediction, count: int) -> list[Figure]:
+    frame = prediction.frame
     alt = "Magnitude over frequency along x, y and z with bands"
+    caption = (
+        f"{prediction.motion.capitalize()} of {frame.link} per force along the same axis of the "
+        f"{frame.axes}, motors {prediction.motors}. Shaded: {prediction.compliance.level:.0%} "
+        "bands; below: relative standard deviation of the magnitude."
+    )
     return [
-        figure(f"response-{i + 1}", driving_point(prediction, i), alt, label=f"position {i + 1}")
-        for i in range(count)
+        figure(
+            f"response-{i + 1}",
+            driving_point(prediction, i),
+            alt,
+            caption=caption,
+            label=f"position {i + 1}: tool at {', '.join(f'{x:.2f}' for x in point)} m",
+        )
+        for i, point in enumerate(prediction.points[:count])
     ]
 
 

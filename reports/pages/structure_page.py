@@ -22,6 +22,7 @@ from reports.page_elements import (
     table,
 )
 from reports.sections.model_errors import worst_position
+from reports.summaries.structure_summary import score_size, structure_advice
 from robotmodels.common.atomic_files import write_text
 from robotmodels.elastic.rigid_pose import spring_origins
 
@@ -67,22 +68,9 @@ def write_structure_page(results: FittedStudy, structure: Structure, path: Path)
 def _banner(structure: Structure) -> Markup:
     """Return how many springs the data ask for, and what to do with them."""
     choice = structure.choice
-    springs, reason = choice.springs, text.sentence(choice.stopped)
-    if choice.caution:
-        return page_banner(
-            f"{text.plural(len(springs), 'spring')} added, but the robot file is in doubt",
-            "doubtful",
-            reason,
-            next_step=choice.caution,
-        )
-    if not springs:
-        step = "keep the springs of the robot file"
-        return page_banner("No spring is missing", "sound", reason, next_step=step)
-    verdict = f"{text.plural(len(springs), 'spring')} missing in the robot file"
-    step = "fit again with the robot file beside this page, which has the springs"
-    if any(choice.twins[one.name] for one in springs):
-        step += "; of springs in one row the data cannot tell which it is: tie or fix all but one"
-    return page_banner(verdict, "doubtful", reason, next_step=step)
+    verdict, step = structure_advice(choice)
+    kind = "doubtful" if choice.caution or choice.springs else "sound"
+    return page_banner(verdict, kind, text.sentence(choice.stopped), next_step=step)
 
 
 def spring_table(structure: Structure) -> Table:
@@ -127,7 +115,7 @@ def score_table(structure: Structure) -> Table:
         (
             score.name,
             _number(score.probability, 2),
-            _number(score.estimate),
+            _number(score_size(score)),
             " to ".join(text.significant(end, 3) for end in score.interval),
             _UNITS.get(score.unit, text.pretty_unit(score.unit)),
             _number(score.fall),

@@ -6,6 +6,7 @@ from markupsafe import Markup
 from oed.study.parts import DesignedPlan
 from oed.study.results import PlannedStudy
 from oed.study.stages.candidates import refusals
+from reports import text
 from reports.figures.design_map import design_map
 from reports.figures.map_data import MapData
 from reports.page_elements import Figure, figure
@@ -27,14 +28,16 @@ def drawn_map(results: PlannedStudy, plan: DesignedPlan) -> tuple[Figure, Markup
     refused, reasons = np.zeros((0, positions.shape[1])), list[str]()
     if settings is not None and plan.candidates.proposed <= 10 * _MOST:
         refused, reasons = refusals(settings, results.robot, plan.candidates)
+    weights = plan.design.weights / plan.design.weights.sum()
     data = MapData(
         names=coordinate_names(results),
         candidates=coordinates(results, positions[shown]),
         sensitivity=sensitivity[shown],
+        weights=weights[shown],
         plan=coordinates(results, plan.positions),
-        visits=[experiments(results, int(i)) for i in plan.used],
+        visits=[f"{experiments(results, int(i))}, weight {weights[i]:.3g}" for i in plan.used],
         refused=coordinates(results, refused),
-        reasons=reasons,
+        reasons=[rejection_words(one) for one in reasons],
         obstacles=() if settings is None else settings.things,
     )
     values = [len(np.unique(column)) for column in positions.T]
@@ -47,6 +50,23 @@ def drawn_map(results: PlannedStudy, plan: DesignedPlan) -> tuple[Figure, Markup
     )
     alt = "What candidates would add to the information, and the plan, over two coordinates"
     return figure("design-map", drawing, alt, caption=f"{across} {up}"), data.embedded()
+
+
+def rejection_words(reasons: str) -> str:
+    """Return reasons without quotes, what touches the same thing together.
+
+    ``obstacle, 'a' and 'table'; obstacle, 'b' and 'table'`` becomes
+    ``obstacle, a and b with table``.
+    """
+    together: dict[tuple[str, str], list[str]] = {}
+    for one in reasons.replace("'", "").split("; "):
+        reason, _, what = one.partition(", ")
+        first, _, second = what.rpartition(" and ")
+        together.setdefault((reason, second), []).append(first)
+    return "; ".join(
+        f"{reason}, {text.listed(firsts)} with {second}" if any(firsts) else f"{reason}, {second}"
+        for (reason, second), firsts in together.items()
+    )
 
 
 def coordinate_names(results: PlannedStudy) -> list[str]:

@@ -3,6 +3,7 @@
 import numpy as np
 from markupsafe import Markup
 
+from estimators.validation.predict import Prediction
 from estimators.validation.predict_tool import ToolPrediction
 from oed.study.results import StudyResults
 from reports import text
@@ -37,28 +38,36 @@ def bands_words(results: StudyResults) -> Markup:
 
 
 def prediction_table(prediction: ToolPrediction) -> Table:
-    """Return compliance, first resonance and damping of each position with their deviations."""
+    """Return where the tool is, its compliance, first resonance and damping with their bands."""
+    level = f"{100 * prediction.compliance.level:.0f} % band"
     columns = numbers(
-        "position", "softest [µm/N]", "softest ± [%]", "middle [µm/N]", "stiffest [µm/N]",
-        "resonance [Hz]", "resonance ± [%]", "damping [%]", "damping ± [%]",
+        "position", "x [m]", "y [m]", "z [m]", "softest [µm/N]", f"{level} of it [µm/N]",
+        "middle [µm/N]", "stiffest [µm/N]", "resonance [Hz]", f"{level} of it [Hz]",
+        "damping [%]", f"{level} of it [%]",
     )  # fmt: skip
     rows: list[list[Cell]] = []
-    compliance, resonances = prediction.compliance, prediction.resonances
-    damping = prediction.damping
-    for i in range(len(prediction.points)):
-        values = [
-            1e6 * compliance.values[i, 0].real,
-            100 * compliance.std[i, 0],
-            *(1e6 * compliance.values[i, 1:].real),
-            resonances.values[i, 0].real / (2 * np.pi),
-            100 * resonances.std[i, 0],
-            100 * damping.values[i, 0].real,
-            100 * damping.std[i, 0],
-        ]
-        shown = (Number(text.significant(float(v), 3), float(v)) for v in values)
-        rows.append([Number(f"{i + 1}", i + 1.0), *shown])
+    compliance = prediction.compliance
+    for i, point in enumerate(prediction.points):
+        others = (_value(1e6 * v.real) for v in compliance.values[i, 1:])
+        row: list[Cell] = [Number(f"{i + 1}", i + 1.0)]
+        row += [Number(text.fixed(float(x), 3), float(x)) for x in point]
+        row += [*value_and_band(compliance, i, 1e6), *others]
+        row += value_and_band(prediction.resonances, i, 1 / (2 * np.pi))
+        rows.append([*row, *value_and_band(prediction.damping, i, 100.0)])
     caption = (
-        f"Half axes of the compliance ellipsoid with clamped motors; first mode with "
-        f"{prediction.motors} motors; relative standard deviations."
+        "Tool coordinates in the base’s axes; half axes of the compliance ellipsoid with clamped "
+        f"motors; first mode with {prediction.motors} motors."
     )
     return table("prediction", caption, columns, rows)
+
+
+def value_and_band(prediction: Prediction, row: int, factor: float) -> list[Number]:
+    """Return the first of several values in another unit, and the ends of its band."""
+    value = factor * float(prediction.values[row, 0].real)
+    low, high = (factor * float(end[row, 0]) for end in (prediction.lower, prediction.upper))
+    ends = [text.significant(end, 3) for end in (low, high)]
+    return [_value(value), Number(" to ".join(ends) if np.isfinite(low) else "–", low)]
+
+
+def _value(value: float) -> Number:
+    return Number(text.significant(float(value), 3), float(value))

@@ -8,8 +8,7 @@ import numpy as np
 
 from estimators.validation.predict import Prediction
 from estimators.validation.predict_tool import ToolPrediction
-from reports import text
-from reports.summaries.columns import csv_text, plain, table
+from reports.summaries.columns import csv_text, number, plain, table
 from robotmodels.common.arrays import Array
 from robotmodels.common.plain_data import json_data
 
@@ -18,25 +17,33 @@ _MOST = 20
 
 
 def tool_summary(prediction: ToolPrediction, spread: str, written: Sequence[Path]) -> str:
-    """Return compliance, resonances and damping with standard deviations, position by position."""
+    """Return softest compliance, first resonance and damping with their bands, by position."""
     rows = []
-    for i in range(len(prediction.points)):
-        compliance = [_cell(prediction.compliance, i, k, 1e6) for k in range(3)]
-        resonance = _cell(prediction.resonances, i, 0, 1 / (2 * np.pi))
-        rows.append((f"{i + 1}", *compliance, resonance, _cell(prediction.damping, i, 0, 100.0)))
+    for i, point in enumerate(prediction.points):
+        quantities = (
+            _cell(prediction.compliance, i, 1e6),
+            _cell(prediction.resonances, i, 1 / (2 * np.pi)),
+            _cell(prediction.damping, i, 100.0),
+        )
+        where = " ".join(f"{x:5.2f}" for x in point)
+        rows.append((f"{i + 1}", where, *(cell for pair in quantities for cell in pair)))
+    band = f"{100 * prediction.compliance.level:.0f} % band"
     header = (
-        "position",
-        "compliance [um/N]\nsoftest",
-        "\nmiddle",
-        "\nstiffest",
-        f"first resonance\n{prediction.motors} [Hz]",
+        "no.",
+        "tool at x, y, z\n[m]",
+        "softest\n[um/N]",
+        band,
+        f"{prediction.motors}\n[Hz]",
+        band,
         "damping\n[%]",
+        band,
     )
     frame = prediction.frame
     lines = [
         f"{frame.link} at {', '.join(f'{x:g}' for x in frame.at)} m, axes of the {frame.axes}; "
-        f"motors clamped for compliances; bands by {plain(spread)}",
-        *table(header, rows[:_MOST], right=range(6)),
+        f"largest compliance, motors clamped; first resonance and its damping ratio, motors "
+        f"{prediction.motors}; bands by {plain(spread)}",
+        *table(header, rows[:_MOST], right=range(8)),
     ]
     if len(rows) > _MOST:
         lines.append(f"  and {len(rows) - _MOST} more in the files")
@@ -94,13 +101,11 @@ def response_csv(prediction: ToolPrediction) -> str:
     return csv_text(header, rows)
 
 
-def _cell(prediction: Prediction, row: int, column: int, factor: float) -> str:
-    """Return a value in another unit with its relative standard deviation."""
-    value, std = factor * prediction.values[row, column].real, prediction.std[row, column]
-    if not np.isfinite(value):
-        return ""
-    percent = f"{100 * std:.2g}" if np.isfinite(std) else "?"
-    return plain(f"{text.significant(value, 3)} ±{percent} %")
+def _cell(prediction: Prediction, row: int, factor: float) -> tuple[str, str]:
+    """Return the first of several values in another unit, and the ends of its band."""
+    parts = (prediction.values.real, prediction.lower, prediction.upper)
+    value, low, high = (number(factor * float(part[row, 0])) for part in parts)
+    return value, f"{low} to {high}"
 
 
 def _document(prediction: Prediction) -> dict[str, Any]:

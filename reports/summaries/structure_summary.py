@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
+from estimators.structure.choose_structure import StructureChoice
 from estimators.structure.score_table import Score
 from oed.study.parts import Structure
-from reports.summaries.columns import number, plural, table, wrapped
-from reports.text import sentence
+from reports.summaries.columns import hung, number, plural, table, wrapped
 
 SHOWN = 12
 """Score tests that are listed."""
@@ -17,7 +17,9 @@ SHOWN = 12
 def structure_summary(structure: Structure, files: Sequence[Path]) -> str:
     """Return the chosen springs, the steps that led to them, and the strongest score tests."""
     choice = structure.choice
-    lines = [f"{plural(len(choice.springs), 'spring')} added: {choice.stopped}"]
+    verdict, step = structure_advice(choice)
+    lines = [f"structure  {verdict}"]
+    lines += wrapped(f"{plural(len(choice.springs), 'spring')} added: {choice.stopped}")
     springs = [
         (
             spring.name,
@@ -30,15 +32,13 @@ def structure_summary(structure: Structure, files: Sequence[Path]) -> str:
     if springs:
         header = ("spring", "stiffness\n[N m/rad]", "damping\n[N m s/rad]", "indistinguishable")
         lines += table(header, springs, right=(1, 2))
-    if any(choice.twins.values()):
-        lines.append("  Springs in one row are indistinguishable: tie them, or fix all but one.")
-    if choice.caution:
-        lines += wrapped(f"{sentence(choice.caution)}.")
     lines += _steps(structure)
     lines += [f"  {power}" for power in structure.powers]
     scores = [score_words(score) for score in structure.scores[:SHOWN]]
     lines += table(("score test", "p", "size", "95 % interval", "unit"), scores, right=(1, 2))
-    return "\n".join([*lines, *(f"  {file}" for file in files)])
+    lines += wrapped("sizes of springs are compliances")
+    lines += hung("next     ", step, indent=9)
+    return "\n".join([*lines, *(f"written  {file}" for file in files)])
 
 
 def _steps(structure: Structure) -> list[str]:
@@ -59,13 +59,26 @@ def _steps(structure: Structure) -> list[str]:
 def score_words(score: Score) -> tuple[str, str, str, str, str]:
     """Return name, probability, size, interval and unit of a score test."""
     low, high = score.interval
-    size, least, most = score.estimate, low, high
-    unit = score.unit
-    if score.spring is not None and score.estimate > 0:
-        size, least, most = score.stiffness
-        unit = {"rad/(N m)": "N m/rad", "m/N": "N/m"}[unit]
-    ends = f"{number(least)} to {number(most) if np.isfinite(most) else 'rigid'}"
-    return score.name, number(score.probability, 2), number(size), ends, unit
+    ends = f"{number(low)} to {number(high)}"
+    return score.name, number(score.probability, 2), number(score_size(score)), ends, score.unit
+
+
+def score_size(score: Score) -> float:
+    """Return the estimate of a score test; of a spring its compliance, which is not negative."""
+    return score.estimate if score.spring is None else max(score.estimate, 0.0)
+
+
+def structure_advice(choice: StructureChoice) -> tuple[str, str]:
+    """Return what the choice of springs says of the robot file, and what to do next."""
+    count = len(choice.springs)
+    if choice.caution:
+        return f"{plural(count, 'spring')} added, but the robot file is in doubt", choice.caution
+    if not count:
+        return "No spring is missing", "keep the springs of the robot file"
+    step = "fit again with structure.yaml, the robot file with the springs"
+    if any(choice.twins[one.name] for one in choice.springs):
+        step += "; of springs in one row the data cannot tell which it is: tie or fix all but one"
+    return f"{plural(count, 'spring')} missing in the robot file", step
 
 
 def structure_json(structure: Structure, files: Sequence[Path]) -> dict[str, object]:

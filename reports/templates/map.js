@@ -36,7 +36,7 @@
     const everything = [...candidates, ...data.plan, ...data.refused];
     const [xr, yr] = [i, j].map((k) => extent([everything.map((one) => one[k])], 0.06));
     const title = `Candidates over ${data.names[i]} and ${data.names[j]}`;
-    const svg = make("svg", { viewBox: "0 0 700 470", role: "img", "aria-label": title });
+    const svg = make("svg", { viewBox: "0 0 700 470", role: "img", tabindex: 0, "aria-label": title });
     svg.style.setProperty("--width", 520);
     const plane = axes(svg, [62, 10, 620, 410], xr, yr,
       { log: false, xs: ticks(...xr), ys: ticks(...yr), title: data.names[j], xTitle: data.names[i], name: "a" });
@@ -47,7 +47,7 @@
         plane.band(x, [y[0], y[0]], [y[1], y[1]], "muted");
       }
     const at = (list, k) => list.map((one) => one[k]);
-    plane.dots(at(data.refused, i), at(data.refused, j), "muted", 1.5);
+    plane.dots(at(data.refused, i), at(data.refused, j), "muted", 2.5, 0.7);
     // Of candidates one behind the other the best is shown.
     const spot = (one) => `${Math.round(plane.across(one[i]))} ${Math.round(plane.up(one[j]))}`;
     const best = [...new Map(order.map((q) => [spot(candidates[q]), q])).values()];
@@ -64,21 +64,54 @@
       const place = { x: plane.across(one[i]) + 7, y: plane.up(one[j]) - 5 };
       svg.append(make("text", { ...place, "font-size": 11, fill: "var(--ink)" }, several.map((k) => k + 1).join(", ")));
     }
+    // What the shades say.
+    const key = { y: 462, "font-size": 11, fill: "var(--muted)" };
+    svg.append(make("text", { ...key, x: 62 }, `sensitivity ${low.toFixed(2)}`));
+    for (let shade = 0; shade < 8; shade++) {
+      const place = { x: 140 + 16 * shade, y: 453, width: 16, height: 10 };
+      svg.append(make("rect", { ...place, fill: "var(--accent)", opacity: 0.06 + 0.12 * shade }));
+    }
+    svg.append(make("text", { ...key, x: 274 }, high.toFixed(2)));
+    const ring = make("circle", { r: 7, fill: "none", stroke: "var(--ink)", "stroke-width": 1.4, visibility: "hidden" });
+    svg.append(ring);
+
+    // Positions of the plan, then candidates, the best first, then those that were rejected.
+    const [P, C] = [data.plan.length, order.length];
+    const every = [...data.plan, ...order.map((q) => candidates[q]).reverse(), ...data.refused];
+    const parted = data.names.map((name) => /^(.*?)(?: \[(.*)\])?$/.exec(name));
+    const unit = (word) => (word === "°" ? word : word ? ` ${word}` : "");
+    const where = (one) => parted.map(([, name, u], k) => `${name} ${words(one[k])}${unit(u)}`).join(", ");
+    const told = (k) => {
+      const q = order[C - 1 - (k - P)];
+      if (k < P) return `Position ${k + 1}, ${data.visits[k]}`;
+      if (k >= P + C) return `Rejected (${data.reasons[data.reason[k - P - C]]})`;
+      return `Candidate, sensitivity ${sensitivity[q].toFixed(2)}, weight ${words(data.weights[q] ?? 0)}`;
+    };
+    let now = -1;
+    const point = (k) => {
+      now = k;
+      const one = every[k];
+      for (const [name, value] of Object.entries({ cx: plane.across(one[i]), cy: plane.up(one[j]), visibility: "visible" }))
+        ring.setAttribute(name, value);
+      readout.textContent = `${told(k)}: ${where(one)}`;
+    };
     svg.addEventListener("pointermove", (event) => {
       const { x, y } = new DOMPoint(event.clientX, event.clientY).matrixTransform(svg.getScreenCTM().inverse());
-      const nearest = (list) => {
-        const away = list.map((one) => Math.hypot(plane.across(one[i]) - x, plane.up(one[j]) - y));
-        const k = away.indexOf(Math.min(...away));
-        return [away[k] ?? Infinity, k];
+      const away = every.map((one) => Math.hypot(plane.across(one[i]) - x, plane.up(one[j]) - y));
+      const nearest = (from, to) => {
+        let best = from;
+        for (let k = from; k < to; k++) if (away[k] < away[best]) best = k;
+        return best;
       };
-      const where = (one) => data.names.map((name, k) => `${name.replace(/ \[.*/, "")} ${words(one[k])}`).join(", ");
-      const [[d0, k0], [d1, k1], [d2, k2]] = [data.plan, order.map((q) => candidates[q]).reverse(), data.refused].map(nearest);
-      if (d0 < 9) readout.textContent = `Position ${k0 + 1}, ${data.visits[k0]}: ${where(data.plan[k0])}`;
-      else if (d2 < d1) readout.textContent = `Rejected (${data.reasons[data.reason[k2]]}): ${where(data.refused[k2])}`;
-      else {
-        const q = order[order.length - 1 - k1];
-        readout.textContent = `Candidate, sensitivity ${sensitivity[q].toFixed(2)}: ${where(candidates[q])}`;
-      }
+      const [a, b, c] = [nearest(0, P), nearest(P, P + C), nearest(P + C, every.length)];
+      if (away[a] < 9) point(a);
+      else point(away[c] < away[b] ? c : b);
+    });
+    svg.addEventListener("keydown", (event) => {
+      const step = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[event.key];
+      if (!step) return;
+      point(now < 0 ? (step > 0 ? 0 : every.length - 1) : (now + step + every.length) % every.length);
+      event.preventDefault();
     });
     holder.replaceChildren(svg);
   };

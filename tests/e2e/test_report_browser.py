@@ -147,6 +147,9 @@ def test_an_element_is_enlarged_and_tells_its_values(desktop, small_study):
         element.get_by_label("as", exact=True).select_option(view)
         element.get_by_label("beside").select_option("all positions")
         assert "NaN" not in drawing.inner_html()
+        whole = view == "singular values"  # of the matrix, so nothing is from one to another
+        assert element.get_by_label("from", exact=True).is_hidden() == whole
+        assert (" from " in drawing.get_attribute("aria-label")) != whole
 
 
 def test_tables_sort_up_and_down_within_their_groups(desktop):
@@ -361,10 +364,17 @@ def test_the_design_map_tells_of_candidates(desktop):
             }
             map_.locator("svg").dispatch_event("pointermove", event)
             told.add(map_.locator("output").text_content())
-    candidates = [re.match(r"Candidate, sensitivity ([\d.]+): m2 \S+, m3", one) for one in told]
+    words = r"Candidate, sensitivity ([\d.]+), weight [\d.]+: m2 \S+°, m3"
+    candidates = [re.match(words, one) for one in told]
     values = [float(one[1]) for one in candidates if one]
     assert len(values) > 3
     assert max(values) <= 1.005
+    for key, words in (("ArrowRight", "Position 1, "), ("ArrowLeft", "")):
+        map_.locator("svg").focus()
+        map_.get_by_label("across").select_option("tool x [m]")  # drawn anew
+        map_.locator("svg").press(key)
+        assert map_.locator("output").text_content().startswith(words)
+    assert map_.locator("output").text_content().endswith(" m")
 
 
 def test_turned_from_above_the_robot_casts_no_shadow(desktop):

@@ -7,6 +7,7 @@ from test_response_data import unpacked
 
 import robotmodels
 from reports.figures.map_data import MapData
+from reports.sections.design_maps import rejection_words
 
 
 @pytest.fixture(scope="module")
@@ -20,6 +21,7 @@ def content():
         names=("m1 [°]", "m2 [°]", "tool x [m]", "tool y [m]", "tool z [m]"),
         candidates=candidates,
         sensitivity=rng.uniform(0, 1, 7),
+        weights=np.array([0, 0.25, 0, 0, 0, 0.75, 0]),
         plan=candidates[:2],
         visits=("1 visit", "2 visits"),
         refused=candidates[2:5],
@@ -37,6 +39,7 @@ def test_candidates_come_back(content):
     np.testing.assert_allclose(candidates, data.candidates, atol=5.001e-4)
     sensitivity = unpacked(words["sensitivity"], (7, 1))[:, 0]
     np.testing.assert_allclose(sensitivity, data.sensitivity, atol=2.501e-3)
+    assert words["weights"] == {"1": 0.25, "5": 0.75}
     assert [words["reasons"][k] for k in words["reason"]] == list(data.reasons)
 
 
@@ -54,3 +57,9 @@ def test_obstacles_have_the_box_that_surrounds_them(content):
     corners += box.center
     np.testing.assert_allclose([low, high], [corners.min(0), corners.max(0)], atol=5.001e-4)
     assert ball == ["ball", [-0.25, 0.75, -0.25], [0.25, 1.25, 0.25]]
+
+
+def test_reasons_of_one_thing_are_together():
+    given = "obstacle, 'a' and 'table'; obstacle, 'b' and 'table'; obstacle, 'b' and 'wall'"
+    assert rejection_words(given) == "obstacle, a and b with table; obstacle, b with wall"
+    assert rejection_words("holding torque, motor 'm1'") == "holding torque, motor m1"

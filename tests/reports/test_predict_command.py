@@ -62,7 +62,15 @@ def test_maps_show_the_workspace(robot, monkeypatch, capsys) -> None:
     code, out, _ = oed(monkeypatch, capsys, "predict", robot, "--map=8", "--modes=1", "-o", "map")
     assert code == 0
     assert "tool0 at 0, 0, 0 m" in out
-    assert "Over the workspace" in Path("map/prediction.html").read_text()
+    page = Path("map/prediction.html").read_text()
+    assert page.index("Over the workspace") < page.index('<h2 id="positions"')
+    assert "95 % band of it" in page
+    rows = list(csv.DictReader(Path("map/prediction.csv").read_text().splitlines()))
+    first = next(line for line in out.splitlines() if line.startswith("  1 ")).split()
+    point = [float(rows[0][axis]) for axis in "xyz"]
+    np.testing.assert_allclose([float(x) for x in first[1:4]], point, atol=0.006)
+    ends = [1e6 * float(rows[0][f"compliance_softest {end}"]) for end in ("lower", "upper")]
+    np.testing.assert_allclose([float(first[5]), float(first[7])], ends, rtol=6e-3)
     assert len(Path("map/prediction.csv").read_text().splitlines()) == 9
 
 
