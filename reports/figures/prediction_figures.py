@@ -24,16 +24,7 @@ def driving_point(prediction: ToolPrediction, position: int) -> Drawing:
     def draw(palette: Palette) -> Figure:
         figure = Figure(figsize=(7.0, 4.4), layout="constrained")
         axes, below = figure.subplots(2, sharex=True, height_ratios=[2, 1])
-        band, hertz = prediction.response, prediction.omega / (2 * np.pi)
-        assert band is not None
-        for i, colour in enumerate((palette.accent, palette.second, palette.ink)):
-            values = np.abs(band.values[position, :, i, i])
-            if not values.max() > _NOTHING * np.abs(band.values[position]).max():
-                continue  # nothing moves along this axis
-            axes.plot(hertz, values, color=colour, lw=1.2, label=f"{'xyz'[i]}, force along it")
-            ends = band.lower[position, :, i, i], band.upper[position, :, i, i]
-            axes.fill_between(hertz, *ends, color=colour, alpha=0.35, lw=0)
-            below.plot(hertz, 100 * band.std[position, :, i, i], color=colour, lw=1.0)
+        _curves(prediction, position, axes, below, palette)
         units = {"displacement": "m/N", "velocity": "m/s/N", "acceleration": "m/s²/N"}
         label = f"{MOTIONS[prediction.motion]} [{units[prediction.motion]}]"
         axes.set(yscale="log", xscale="log", ylabel=label)
@@ -45,6 +36,22 @@ def driving_point(prediction: ToolPrediction, position: int) -> Drawing:
         return figure
 
     return draw
+
+
+def _curves(
+    prediction: ToolPrediction, position: int, axes: Axes, below: Axes, palette: Palette
+) -> None:
+    """Draw responses with bands, and below them their standard deviations."""
+    band, hertz = prediction.response, prediction.omega / (2 * np.pi)
+    assert band is not None
+    for i, colour in enumerate((palette.accent, palette.second, palette.ink)):
+        values = np.abs(band.values[position, :, i, i])
+        if not values.max() > _NOTHING * np.abs(band.values[position]).max():
+            continue  # nothing moves along this axis
+        axes.plot(hertz, values, color=colour, lw=1.2, label=f"{'xyz'[i]}, force along it")
+        ends = band.lower[position, :, i, i], band.upper[position, :, i, i]
+        axes.fill_between(hertz, *ends, color=colour, alpha=0.35, lw=0)
+        below.plot(hertz, 100 * band.std[position, :, i, i], color=colour, lw=1.0)
 
 
 def workspace(prediction: ToolPrediction) -> Drawing:
