@@ -94,7 +94,7 @@ def _all_weights(draw, info):
     prior, constraints = draw.options.get("prior"), draw.options.get("constraints")
     allowed = allowed_weights(constraints, len(info))
     problem = DesignProblem(info, objective_of(draw.criterion, info.names), allowed, prior)
-    return solve(problem, TOLERANCE, 50, "newton", trim=False)
+    return solve(problem, TOLERANCE, 50, [oed.Newton()], trim=False)
 
 
 def information(matrices):
