@@ -4,7 +4,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from importlib.resources import files
 from typing import Literal, Protocol, runtime_checkable
@@ -168,9 +168,29 @@ def table(
     return Table(id, caption, tuple(columns), (("", tuple(tuple(row) for row in rows)),))
 
 
+def in_shared_unit(one: Table, *more: str) -> Table:
+    """Return a table without its column of units where all rows share one: headings have it then.
+
+    Those of numbers before that column, and those in `more`.
+    """
+    at = next(k for k, column in enumerate(one.columns) if column.kind == "u")
+    units = {str(row[at]) for _, rows in one.groups for row in rows}
+    if len(units) != 1:
+        return one
+    titles = [c.title for c in one.columns[:at] if c.kind == "n" and "[" not in c.title]
+    columns = [
+        replace(c, title=f"{c.title} [{min(units)}]") if c.title in (*titles, *more) else c
+        for c in one.columns
+    ]
+    groups = tuple(
+        (name, tuple((*row[:at], *row[at + 1 :]) for row in rows)) for name, rows in one.groups
+    )
+    return Table(one.id, one.caption, (*columns[:at], *columns[at + 1 :]), groups)
+
+
 _DIMENSIONLESS = re.compile(
     r"p-value|share|correlation|ratio|gear ratio|z|dof|R-hat|ESS|BIC|score|cost"
-    r"|over best|expected fall|fall of the cost|held out|misfit per datum|independent|simulated"
+    r"|over best|expected decrease|decrease in cost|held out|misfit per datum|independent|simulated"
     r"|residuals over expected"
     r"|(relative efficiency|inflation|condition|largest singular value).+|[^\[]+ / [^\[]+"
 )

@@ -232,7 +232,7 @@ def residuals(fit: Fit | RunFit, validation: Validation | None = None) -> Figure
 
 
 def residual_laws(fit: Fit | RunFit, lags: int = 5) -> Figure:
-    """Return quantiles of the residuals against the normal law, and their autocorrelation."""
+    """Return a normal quantile plot of the residuals, and their autocorrelation."""
     from estimators import residual_analysis
 
     autocorrelation = residual_analysis(fit, lags).autocorrelation

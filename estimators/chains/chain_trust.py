@@ -64,7 +64,7 @@ def chain_trust(
     relative = std / np.maximum(np.abs(values), 1e-300)
     correlated = "" if evidence.correlation.white else ", correlated along lines"
     estimated = np.isfinite(fit.degrees_of_freedom).any()
-    origin = "scatter of the lines over blocks" if estimated else "Theorem 1, declared noise"
+    origin = "scatter of the lines over blocks" if estimated else "Theorem 1, stated noise"
     too_large = ", scaled by the residuals" if evidence.too_large else ""
     return Trust(
         names=names,

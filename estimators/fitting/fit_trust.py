@@ -92,14 +92,15 @@ def judged_trust(
 def _method(residual: str, evidence: Evidence) -> str:
     """Return where the standard deviations come from."""
     estimated = np.isfinite(evidence.fit.degrees_of_freedom).any()
-    parts = ["scatter of the lines over blocks" if estimated else "Theorem 1, declared noise"]
+    parts = ["scatter of the lines over blocks" if estimated else "Theorem 1, stated noise"]
     if not evidence.has_degrees_of_freedom:
         parts = ["Theorem 1, noise of unknown degrees of freedom"]
     if not evidence.correlation.white:
         parts.append("correlated along lines")
     if evidence.too_large:
         parts.append("scaled by the residuals")
-    return f"{residual}, {', '.join(parts)}"
+    name = residual.upper() if residual in ("nls", "lls") else residual
+    return f"{name}, {', '.join(parts)}"
 
 
 def _ends(

@@ -38,7 +38,7 @@ class StructureStep:
     instead_of : str
         Spring that it replaced.
     expected, fall : float
-        Expected and actual fall of the fit's cost; of an exchange `expected` is that from the fit
+        Expected and actual decrease in cost; of an exchange `expected` is that from the fit
         without either spring.
     bic : float
         Schwarz's criterion after the step: twice the cost and ln N for each parameter; of weights

@@ -16,7 +16,7 @@ from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.elastic.tool_response import underlying_robot
 
 NEAR = 0.5
-"""Share of the expected fall of the cost from which on a refit is accepted."""
+"""Share of the expected decrease in cost from which on a refit is accepted."""
 
 _CLOSE = 0.8
 """Share from which on no further start is tried."""

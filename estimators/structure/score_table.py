@@ -36,7 +36,7 @@ class Score:
     probability : float
         Of evidence as strong if the fit is right, corrected for the number of tests.
     fall : float
-        Expected fall of the fit's cost if the model had it.
+        Expected decrease in the fit's cost if the model had it.
     damping_time : float, s
         Of those tried the one that the data favour; not a number for other things than springs.
     twins : tuple of str
@@ -130,7 +130,7 @@ class ScoreTable(ReprHtml, Sequence[Score]):
 def twins(correlation: Array, ratios: Array, names: Sequence[str]) -> list[tuple[str, ...]]:
     """Return for each spring those that the data cannot tell from it.
 
-    With z^2 the fall of the squared misfit by the right one, an alternative leaves
+    With z^2 the decrease in squared misfit by the right one, an alternative leaves
     z^2 (1 - rho^2) of it.
 
     Parameters

@@ -232,7 +232,7 @@ def effective_number(correlation: Array, one_sided: BoolArray) -> float:
     """Return how many independent tests several dependent ones are worth, at a level of 5 %.
 
     The probability that the least of their probabilities is below a small one, in units of that
-    one, by draws of their joint normal law.
+    one, by draws of their joint normal distribution.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ from robotmodels.common.symmetric_matrices import scaled_inverse
 
 # Relative standard deviation above which a direction counts as weak: a factor of 1.35 either way.
 LIMIT = 0.3
-# Wider than this many e-folds is not known at all; it also makes singular matrices regular.
+# Wider than this many e-folds is not determined; it also makes singular matrices regular.
 UNKNOWN = 1e3
 # A direction belongs to the parameters that hold this share of its squared length.
 SHARE = 0.9
@@ -180,7 +180,7 @@ def in_names(direction: Array, names: Sequence[str]) -> str:
 
 
 def _precision(std: float) -> str:
-    return f"known to {100 * std:.2g} %" if np.isfinite(std) else "not known at all"
+    return f"determined to within {100 * std:.2g} %" if np.isfinite(std) else "not determined"
 
 
 def _signed(directions: Array) -> Array:

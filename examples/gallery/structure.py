@@ -1,7 +1,7 @@
 # %% [markdown]
 # # Which springs does the robot have?
 #
-# A Manutec r3 has a bearing at joint 2 that gives way; its robot file has only the gears. Score tests ask,
+# A Manutec r3 has an elastic bearing at joint 2; its robot file has only the gears. Score tests ask,
 # for every spring that the file has not, whether the residuals want it. Then refits decide.
 
 # %%

@@ -1,7 +1,7 @@
 # %% [markdown]
 # # How stiff is the tool?
 #
-# An identified robot says how far its tool gives way under a force, anywhere in the workspace, and how
+# An identified robot predicts how far its tool deflects under a force, anywhere in the workspace, and how
 # certain that is. A Manutec r3 is identified in two positions and asked elsewhere.
 
 # %%

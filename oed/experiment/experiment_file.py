@@ -19,7 +19,7 @@ joint). Where a key is "per motor", one number serves all motors and a list has 
       count: 40                  # lines to spread over the band; all by default
       spacing: quasi_log         # linear (default) or quasi_log, which needs a count
       odd: true                  # odd lines only (default), so that even distortion shows
-      detection: 4               # of so many lines one at random is left out to show odd
+      detection: 4               # one line in every four, at random, is left out to show odd
                                  # distortion; none by default
       slope: 0.0                 # the speed's amplitude goes with frequency to this power
       crest_iterations: 0        # 200 lowers the crest factor; 0 leaves the phases random

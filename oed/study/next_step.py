@@ -103,9 +103,8 @@ def _more_measurements(results: FittedStudy) -> NextStep:
     std = results.trust.std
     names = [n for n, s in zip(results.trust.names, std, strict=True) if not s <= PRECISE]
     if not names:
-        return NextStep(
-            "none", f"nothing: every relative standard deviation is at most {100 * PRECISE:g} %"
-        )
+        limit = f"{100 * PRECISE:g} %; more visits are advised above that"
+        return NextStep("none", f"nothing: every relative standard deviation is at most {limit}")
     positions, gain = _best_repeated(results, names)
     whose = names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
     sentence = (

@@ -83,7 +83,7 @@ def contours(x: Array, y: Array, counts: IntArray) -> tuple[Array, Array]:
     x, y : ndarray, (C + 2 _REACH,), (R + 2 _REACH,)
         Middles of the bins and of as many more as the smoothing reaches beyond.
     counts : ndarray of int, (R, C)
-        Draws in each bin; they are smoothed by a normal law.
+        Draws in each bin; they are smoothed by a normal distribution.
     """
     kernel = np.exp(-0.5 * (np.arange(-_REACH, _REACH + 1) / _SMOOTHING) ** 2)
     smooth = counts / kernel.sum() ** 2

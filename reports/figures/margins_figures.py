@@ -56,5 +56,5 @@ def determinant_curve(locus: DeterminantLocus) -> Panels:
             np.array([-0.03, 0.03, np.nan, 0, 0]), np.array([0, 0, np.nan, -0.03, 0.03]), "second"
         ),
     )
-    x, y = (Axis(f"{part} part, squeezed", names={}) for part in ("real", "imaginary"))
+    x, y = (Axis(f"{part} part, compressed", names={}) for part in ("real", "imaginary"))
     return Panels((4.6, 4.6), [[Panel(marks, x, y, square=True)]])

@@ -119,7 +119,7 @@ def residual_laws(standardised: Array, autocorrelation: Array) -> Panels:
 
 
 def _quantiles(standardised: Array) -> tuple[Array, Array]:
-    """Return quantiles of the normal law and of the residuals, evenly along the former."""
+    """Return quantiles of the normal distribution and of the residuals, evenly along the former."""
     from scipy.special import ndtri
 
     values = np.sort(standardised[np.isfinite(standardised)])

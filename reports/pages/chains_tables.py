@@ -29,7 +29,7 @@ def parameter_table(shown: MeasuredChains) -> Table:
         *numbers("value", "std [%]", "95 % from", "to", "inverse problem", "its std [%]"),
         Column("unit", "u"),
     ]
-    caption = f"Recommended: {method_of(shown)}. Beside it the inverse eigenvalue problem."
+    caption = f"Recommended: {method_of(shown)}. For comparison: the inverse eigenvalue problem."
     layout = shown.recommended.layout
     return Table("parameter-table", caption, tuple(columns), by_chain(layout, rows))
 

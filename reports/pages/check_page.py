@@ -15,6 +15,7 @@ from reports.page_elements import (
     Section,
     Table,
     filled,
+    in_shared_unit,
     number_cell,
     numbers,
     page,
@@ -104,7 +105,7 @@ def motor_table(diagnosis: Diagnosis) -> Table:
         Column("drive spring", code=True),
     ]
     caption = "Motors; inertia and holding torque on the motor shaft, load on the arm side."
-    return table("motor-table", caption, columns, rows)
+    return in_shared_unit(table("motor-table", caption, columns, rows))
 
 
 def spring_table(diagnosis: Diagnosis) -> Table:
@@ -146,7 +147,7 @@ def parameter_table(diagnosis: Diagnosis) -> Table:
         "Parameters; the sensitivity is the largest relative change of any frequency response in "
         "the band per relative change of the parameter."
     )
-    return table("parameter-table", caption, columns, rows)
+    return in_shared_unit(table("parameter-table", caption, columns, rows))
 
 
 def mode_table(diagnosis: Diagnosis) -> Table:

@@ -140,7 +140,7 @@ def recommended(studies: Studies) -> tuple[str, str]:
     words += text.percent(spread[best])
     smaller = [name for name in quotable if spread[name] < spread[best]]
     if not smaller:
-        return best, f"{words}, the least"
+        return best, f"{words}, the smallest"
     doubted = [f"{name} ({studies[name].trust.verdict})" for name in smaller]
     return best, f"{words}; smaller ones, of {text.listed(doubted)}, are less trustworthy"
 
@@ -217,7 +217,7 @@ def overview_table(studies: Studies) -> Table:
         Column("study"),
         Column("robot"),
         Column("verdict"),
-        *numbers(*titles, "least std [%]", "mean std [%]", "largest std [%]"),
+        *numbers(*titles, "smallest std [%]", "mean std [%]", "largest std [%]"),
     ]
     caption = (
         "Key figures; standard deviations are relative, the recommended ones of the parameters "
@@ -277,7 +277,7 @@ def comparison_summary(studies: Studies, path: Path) -> str:
         for name, r in studies.items()
     ]
     header = (
-        "studies", "posi-\ntions", "visits", "runs", "least\nstd", "mean\nstd",
+        "studies", "posi-\ntions", "visits", "runs", "smallest\nstd", "mean\nstd",
         "largest\nstd", "verdict",
     )  # fmt: skip
     lines = columns.table(header, rows, right=(1, 2, 3, 4, 5, 6))

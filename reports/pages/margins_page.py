@@ -28,12 +28,14 @@ def write_margins_page(
     sections = [
         Section("loops", "Margins", loops_body(margins)),
         Section("stability", "All loops at once", stability_body(margins)),
-        Section("remedies", "To begin with", filled("margins_remedies.html.j2", remedies=remedies)),
+        Section(
+            "remedies", "Proposed changes", filled("margins_remedies.html.j2", remedies=remedies)
+        ),
     ]
     lead = (
         f"What the identified parameters say of the controller in "
-        f"{text.plural(len(band.positions), 'position')}, with {band.level:.0%} intervals of what "
-        f"they leave open ({spread}); errors of the model are not in them."
+        f"{text.plural(len(band.positions), 'position')}, with {band.level:.0%} intervals of their "
+        f"remaining uncertainty ({spread}); errors of the model are not in them."
     )
     banner, kicker = bands_banner(band.level, trust), "What this means for the controller"
     write_text(path, page(name, "margins", kicker, lead, sections, banner))

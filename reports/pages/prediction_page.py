@@ -43,7 +43,7 @@ def write_prediction_page(
     table = prediction_table(prediction)
     sections.append(Section("positions", "Compliance and modes", _body([], table)))
     lead = f"What the identified parameters say of {where}, with {prediction.compliance.level:.0%} "
-    lead += f"bands of what they leave open ({spread}); errors of the model are not in them."
+    lead += f"bands of their remaining uncertainty ({spread}); errors of the model are not in them."
     banner = bands_banner(prediction.compliance.level, trust)
     content = page(name, "prediction", "How stiff the tool is", lead, sections, banner)
     write_text(path, content)

@@ -102,7 +102,7 @@ def step_table(structure: Structure) -> Table:
         what = f"{step.action} {step.spring}{instead}"
         falls = _number(step.expected), _number(step.fall)
         rows.append((what, *falls, _number(step.bic, 6)))
-    columns = [Column("step", "words"), *numbers("expected fall", "fall of the cost", "BIC")]
+    columns = [Column("step", "words"), *numbers("expected decrease", "decrease in cost", "BIC")]
     if misfits is not None:
         columns += numbers("held out")
         rows = [(*row, _number(each)) for row, each in zip(rows, misfits, strict=True)]
@@ -128,7 +128,7 @@ def score_table(structure: Structure) -> Table:
         *numbers("size"),
         Column("95 % interval"),
         Column("unit", "u"),
-        *numbers("expected fall"),
+        *numbers("expected decrease"),
     ]
     caption = (
         "Sizes by one linear step, relative where no unit is given; those of springs are "

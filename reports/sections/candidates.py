@@ -6,7 +6,17 @@ from oed.candidates.screening import ScreenedCandidates
 from oed.study.parts import DesignedPlan
 from oed.study.results import PlannedStudy
 from reports import text
-from reports.page_elements import Column, Number, Row, Section, Table, filled, numbers, table
+from reports.page_elements import (
+    Column,
+    Number,
+    Row,
+    Section,
+    Table,
+    filled,
+    in_shared_unit,
+    numbers,
+    table,
+)
 from reports.sections.plan_labels import position_cells, position_units
 
 
@@ -47,7 +57,7 @@ def range_table(results: PlannedStudy) -> Table:
         *numbers("distinct values"),
     ]
     caption = "Limits of the joints, and the candidates within them."
-    return table("ranges", caption, columns, rows)
+    return in_shared_unit(table("ranges", caption, columns, rows))
 
 
 def removal_table(screened: ScreenedCandidates) -> Table:

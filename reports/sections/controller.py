@@ -112,11 +112,13 @@ def position_table(margins: ControllerMargins) -> Table:
 
 def locus_words(locus: DeterminantLocus, position: int) -> str:
     """Return what the Nyquist curve of all loops says."""
-    turns = text.plural(abs(locus.encirclements), "time")
-    against = "against the clock" if locus.encirclements >= 0 else "with the clock"
+    count = abs(locus.encirclements)
+    times = "once" if count == 1 else f"{count} times"
+    sense = "counter-clockwise" if locus.encirclements > 0 else "clockwise"
+    turns = f"encircles the origin {times} {sense}" if count else "does not encircle the origin"
     return (
-        f"det(1 + F G) in position {position + 1}, the weakest, turns {turns} {against}, with "
-        f"{text.plural(locus.open_unstable, 'unstable open pole')}: "
+        f"det(1 + F G) in position {position + 1}, the weakest, {turns}, "
+        f"with {text.plural(locus.open_unstable, 'unstable open-loop pole')}: "
         f"{'stable' if locus.stable else text.plural(locus.unstable, 'unstable pole')}"
     )
 

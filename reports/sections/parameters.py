@@ -13,12 +13,13 @@ from reports.page_elements import (
     Table,
     figure,
     filled,
+    in_shared_unit,
     in_unit,
     number_cell,
     numbers,
     percent_cell,
 )
-from reports.sections.verdict import agreement, discredited, interval_cells
+from reports.sections.verdict import discredited, interval_cells
 from robotmodels.common.arrays import Array
 
 _KINDS = {"stiffness": "Springs", "damping": "Dampers"}
@@ -42,7 +43,6 @@ def section(results: StudyResults) -> Section:
             ),
             "Parameters with one recommended standard deviation, and by Theorem 1 and emcee",
         ),
-        agreement=agreement(results.uncertainty.cross_check),
         ratio=_ratio_words(results.uncertainty.std / results.uncertainty.sampled_std),
         refused=len(results.trust.names) - len(results.fit_summary.usable),
         z_rms=text.fixed(float(np.sqrt(np.mean(z**2))), 2) if z.size else "",
@@ -77,7 +77,8 @@ def parameter_table(results: StudyResults) -> Table:
         "Theorem 1 and emcee. Numbers not to be quoted are struck out."
     )
     row_groups = tuple((kind, tuple(rows)) for kind, rows in groups.items())
-    return Table("estimates", caption, tuple(columns), row_groups)
+    estimates = Table("estimates", caption, tuple(columns), row_groups)
+    return in_shared_unit(estimates, "95 % from", "to")
 
 
 def _row(results: StudyResults, i: int, with_truth: bool) -> list[Cell]:

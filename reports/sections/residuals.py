@@ -149,7 +149,7 @@ def pictures(
         figure(
             "residual-laws",
             residual_figures.residual_laws(fits.standardised, analysis.autocorrelation),
-            "Quantiles of residuals against those of the normal law, and their autocorrelation",
+            "Quantiles of residuals against normal quantiles, and their autocorrelation",
         ),
     ]
 

@@ -94,7 +94,7 @@ def quote(trust: Trust, check: CrossCheck | None) -> str:
 
 
 def agreement(check: CrossCheck | None) -> str:
-    """Return how wide Theorem 1 and the posterior are beside what may be quoted."""
+    """Return the ratios of other standard deviations to those that may be quoted."""
     shown = [] if check is None else usable(check.trust)
     if check is None or not shown:
         return ""
@@ -102,7 +102,7 @@ def agreement(check: CrossCheck | None) -> str:
     for method, label in (("Theorem 1", "Theorem 1"), ("posterior", "emcee")):
         ratio = check.ratio(method, "recommended")[shown]
         if np.isfinite(ratio).any():
-            widths.append(f"{label} is {text.span(ratio[np.isfinite(ratio)])} times as wide")
+            widths.append(f"{label} {text.span(ratio[np.isfinite(ratio)])}")
             agree[label] = not bool((np.abs(ratio - 1) > WIDTH).any())
     if not agree:
         return ""
@@ -111,7 +111,7 @@ def agreement(check: CrossCheck | None) -> str:
     )
     if len(agree) == 2 and len(set(agree.values())) == 1:
         words = "both agree" if agree["emcee"] else "neither agrees"
-    return f"Beside them {text.listed(widths)}: {words}."
+    return f"Ratio to them: {', '.join(widths)} ({words})."
 
 
 def interval_cells(one: Interval, factor: float, decimals: int) -> tuple[Number, Number]:

@@ -31,7 +31,7 @@ def tool_summary(prediction: ToolPrediction, spread: str, written: Sequence[Path
     header = (
         "no.",
         "tool at x, y, z\n[m]",
-        "softest\n[um/N]",
+        "softest\n[µm/N]",
         band,
         f"{prediction.motors}\n[Hz]",
         band,

@@ -232,8 +232,7 @@ def _modes(d: Diagnosis) -> list[str]:
             f"from {number(_hertz(min(d.overdamped)))} Hz"
         )
     rigid, tip = len(d.rigid_squares), sum(w < -1e-3 for w in d.rigid_squares)
-    which = "it" if rigid == 1 else f"{tip} of them"
-    falls = f"; gravity would tip {which} over if the motors were free" if tip else ""
+    falls = f"; {tip} unstable under gravity while the motors are free" if tip else ""
     return [*lines, *wrapped(f"{plural(rigid, 'rigid mode')}, one per motor{falls}")]
 
 

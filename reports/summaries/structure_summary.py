@@ -53,7 +53,9 @@ def _steps(structure: Structure) -> list[str]:
         rows.append((what, *falls, number(step.bic, 6), number(misfit, 4)))
     if structure.held_out is None:
         rows = [(*row[:4], "") for row in rows]
-    return table(("step", "expected", "fall of\nthe cost", "BIC", "held out"), rows, (1, 2, 3, 4))
+    return table(
+        ("step", "expected\ndecrease", "decrease\nin cost", "BIC", "held out"), rows, (1, 2, 3, 4)
+    )
 
 
 def score_words(score: Score) -> tuple[str, str, str, str, str]:

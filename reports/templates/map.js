@@ -48,7 +48,7 @@
       }
     const at = (list, k) => list.map((one) => one[k]);
     plane.dots(at(data.refused, i), at(data.refused, j), "muted", 2.5, 0.7);
-    // Of candidates one behind the other the best is shown.
+    // Of candidates that coincide in this projection the best is shown.
     const spot = (one) => `${Math.round(plane.across(one[i]))} ${Math.round(plane.up(one[j]))}`;
     const best = [...new Map(order.map((q) => [spot(candidates[q]), q])).values()];
     for (let shade = 0; shade < 8; shade++) {

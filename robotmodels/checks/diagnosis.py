@@ -208,7 +208,7 @@ class Diagnosis:
         Why `modes` is empty; else empty.
     rigid_squares : tuple of float, rad^2/s^2
         Squared frequencies of the rigid modes, one per motor, as gravity leaves them; negative
-        where it would tip the arm over if the motors ran free.
+        where gravity makes them unstable while the motors are free.
     """
 
     robot: str

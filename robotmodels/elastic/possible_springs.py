@@ -202,9 +202,9 @@ def _section(
 def body_beyond(inertia: pin.Inertia, direction: Array, distance: float) -> Body | None:
     """Return the part of a body beyond a plane, if its mass is normally distributed.
 
-    Beyond direction . x = distance a normal law has, in closed form, the moments of a truncated
-    one; so both parts are physically consistent, and together they are the body. None where one
-    part has nearly all the mass.
+    Beyond direction . x = distance a normal distribution has, in closed form, the moments of a
+    truncated one; so both parts are physically consistent, and together they are the body. None
+    where one part has nearly all the mass.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ class Modes:
     Attributes
     ----------
     squares : ndarray, (..., k), rad^2/s^2
-        Squared angular frequencies; negative where gravity tips over.
+        Squared angular frequencies; negative where gravity makes the mode unstable.
     shapes : ndarray, (..., d, k)
         Mode shapes of unit modal mass, in the model's coordinates.
     """

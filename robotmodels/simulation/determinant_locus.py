@@ -30,13 +30,13 @@ class DeterminantLocus:
     Attributes
     ----------
     omega : ndarray, (F,), rad/s
-        Angular frequencies, from standstill.
+        Angular frequencies, from zero frequency.
     values : ndarray of complex, (F,)
         Determinants.
     open_unstable : int
         Unstable poles of robot and controller, not connected.
     encirclements : int
-        Turns about the origin against the clock, frequencies of both signs.
+        Encirclements of the origin, counter-clockwise, by frequencies of both signs.
     """
 
     omega: Array

@@ -127,7 +127,7 @@ def _margins(model: LinearModel, feedback: LinearFeedback) -> tuple[object, ...]
 def _of_loop(omega: Array, sensitivity: ComplexArray) -> tuple[float, ...]:
     """Return the fields of `LoopMargins` of one loop by its own sensitivity, (F,)."""
     L, size = 1 / sensitivity - 1, np.abs(sensitivity)
-    # Responses are real at both ends, standstill and the Nyquist frequency: crossings too.
+    # Responses are real at both ends, zero and the Nyquist frequency: crossings too.
     ends = L[[0, -1]][np.abs(L[[0, -1]].imag) < _REAL * np.abs(L[[0, -1]].real)].real
     real = np.concatenate([_at_crossings(L.real, L.imag), ends])
     gains = -1 / real[real < 0]

@@ -46,7 +46,7 @@ def test_widths_and_prices_are_those_of_brute_force():
 
 def test_a_parameter_that_is_not_told_is_to_be_fixed():
     found = identifiability(made_of([[0, 0, 0, 1]], [0.8]), NAMES)
-    assert found.weak() == ("g2.damping^+1.00 is known to 80 %",)
+    assert found.weak() == ("g2.damping^+1.00 is determined to within 80 %",)
     (step,) = found.advice
     assert (step.kind, step.names) == ("fix", ("g2.damping",))
     assert step.std == pytest.approx(0.8)
@@ -57,7 +57,7 @@ def test_two_springs_told_by_their_product_only_are_to_be_tied():
     found = identifiability(made_of([[1, -1, 0, 0]], [0.5]), NAMES)
     (step,) = found.advice
     assert (step.kind, set(step.names)) == ("tie", set(NAMES[:2]))
-    assert "their ratio is known to 50 %" in step.text
+    assert "their ratio is determined to within 50 %" in step.text
 
 
 def test_two_springs_told_by_their_ratio_only_need_one_fixed():

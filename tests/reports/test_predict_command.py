@@ -94,10 +94,10 @@ def test_margins_are_those_of_the_controller(robot, monkeypatch, capsys) -> None
     code, out, err = oed(monkeypatch, capsys, "margins", robot, AT, *words)
     assert (code, err) == (0, "")
     assert "of 6 draws" in out
-    assert "unstable open poles: stable" in out
+    assert "unstable open-loop poles: stable" in out
     page = Path("margins.html").read_text()
     assert "All loops at once" in page
-    assert "times against the clock, with" in page
+    assert "encircles the origin 2 times counter-clockwise, with 2 unstable open-loop poles" in page
     written = json.loads(Path("margins.json").read_text())
     feedback = robotmodels.linear_feedback("controller.json")
     positions = np.deg2rad([[-45.0, 20.0]])

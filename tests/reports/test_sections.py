@@ -20,7 +20,16 @@ from reports.commands.report import study_names
 from reports.figures.corner_figure import corner_plot, corner_spans, three_ticks
 from reports.figures.response_panels import BUDGET, lines_drawn
 from reports.figures.svg import LIGHT
-from reports.page_elements import Column, Number, Section, filled, numbers, page, table
+from reports.page_elements import (
+    Column,
+    Number,
+    Section,
+    filled,
+    in_shared_unit,
+    numbers,
+    page,
+    table,
+)
 from reports.pages import comparison
 from reports.sections import cross_check, identifiability as weak_directions, residuals, tool
 from reports.sections.fit import reached_words
@@ -171,7 +180,7 @@ def test_the_banner_says_what_to_quote(verdict):
     assert "e-18" not in said
     if Verdict(verdict, "").gives_interval:
         assert "Quote the recommended standard deviations" in said
-        assert "Theorem 1 is 0.98 to 1.02 times as wide and emcee is 1.00 to 1.04" in said
+        assert "Ratio to them: Theorem 1 0.98 to 1.02, emcee 1.00 to 1.04 (both agree)" in said
         assert "both agree" in said
     else:
         assert "Quote no standard deviation of this study." in said
@@ -329,7 +338,17 @@ def test_of_studies_side_by_side_the_verdict_goes_before_small_standard_deviatio
     assert comparison.recommended(studies)[0] == "better"
     assert comparison.recommended({"low": studies["low"]}) == (
         "low",
-        "low (noise understated) has a mean standard deviation of 1.0\u202f%, the least",
+        "low (noise understated) has a mean standard deviation of 1.0\u202f%, the smallest",
     )
     nothing = {"none": study("model error", np.nan)}
     assert comparison.recommended(nothing) == ("", "No study has a standard deviation to quote")
+
+
+def test_units_go_into_headings_where_all_rows_share_one():
+    columns = [Column("joint"), *numbers("from", "mass [kg]"), Column("unit", "u"), *numbers("to")]
+    rows = [("a", "1", "2", "°", "3"), ("b", "4", "5", "°", "6")]
+    shared = in_shared_unit(table("t", "T.", columns, rows), "to")
+    assert [c.title for c in shared.columns] == ["joint", "from [°]", "mass [kg]", "to [°]"]
+    assert shared.groups[0][1][1] == ("b", "4", "5", "6")
+    mixed = table("t", "T.", columns, [*rows, ("c", "1", "2", "m", "3")])
+    assert in_shared_unit(mixed) is mixed

@@ -15,7 +15,7 @@
     candidates: {...}            # positions to choose from, `candidates_settings`
     design: {...}                # criterion and limits, `design_settings`
     compare:                     # the plan in repeated simulations, beside alternatives
-      random: 5                  # so many plans of as many experiments in random candidates
+      random: 5                  # plans of as many experiments in random candidates
       grid: {elbow_joint: 5}     # a grid by hand; left out: spread evenly over all joints' ranges
       runs: 200                  # simulations of each plan; 0: no comparison
     data:                        # left out: FRFs with that noise; one of the first three
@@ -53,7 +53,7 @@
       steps: 20000               # at most, of each walker
       r_hat: 1.01                # below which sampling may stop
       ess: 4000                  # effective draws above which sampling may stop
-    profiles: 3                  # likelihoods, of so many of the least certain parameters
+    profiles: 3                  # likelihoods, of the least precise parameters
     validation: {count: 3}       # positions that check predictions; left out: none. Of measured
                                  # data  {positions: [0, 4]}  or  {share: 0.2},  then not fitted
     compare_with: wernholt_moberg_2008    # left out, except to repeat the study of that paper
