@@ -136,6 +136,16 @@ def typeset(words: str) -> str:
     return re.sub(r"(?<=\s)-(?=\d)", MINUS, powers.replace("+-", "±"))
 
 
+def value_and_ends(value: float, low: float, high: float) -> tuple[str, str]:
+    """Return ``5.047`` and ``5.043 to 5.051``, with digits by the width of the band."""
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return significant(value), "–"
+    if not high > low:
+        return significant(value), f"{significant(low)} to {significant(high)}"
+    decimals = min(decimals_for((high - low) / 4), 9)
+    return fixed(value, decimals), f"{fixed(low, decimals)} to {fixed(high, decimals)}"
+
+
 def ranges(numbers: Sequence[int]) -> str:
     """Return ``1 to 4, 7 and 9`` for numbers in rising order."""
     runs: list[list[int]] = []

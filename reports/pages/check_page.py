@@ -23,6 +23,7 @@ from reports.page_elements import (
     percent_cell,
     table,
 )
+from reports.summaries.robot_summary import mode_remarks
 from robotmodels import ElasticRobot
 from robotmodels.checks.diagnosis import Diagnosis
 from robotmodels.checks.warnings import Suspicion
@@ -45,16 +46,18 @@ def write_check_page(
         "Motors": motor_table(diagnosis),
         "Springs": spring_table(diagnosis),
         "Modes": mode_table(diagnosis),
+        "Anti-resonances": anti_resonance_table(diagnosis),
         "Parameters": parameter_table(diagnosis),
     }
     if warnings:
         tables = {"Warnings": warning_table(warnings)} | tables
+    source = diagnosis.source and f" Source of the numbers: {text.sentence(diagnosis.source)}"
     drawn = robot_drawings(robot, position[None], [f"The robot {robot.name}"])
     content = page(
         title=diagnosis.robot,
         kind="robot check",
         kicker="An elastic robot as its file describes it",
-        lead="Motors, springs, equilibrium under gravity and modes in one position.",
+        lead=f"Motors, springs, equilibrium under gravity and modes in one position.{source}",
         sections=[
             Section(title.lower(), title, filled("check.html.j2", shown=shown, drawn=drawn))
             for title, shown in tables.items()
@@ -95,13 +98,14 @@ def motor_table(diagnosis: Diagnosis) -> Table:
         rows.append(
             (one.name, one.joint, _cell(one.angle / scale), unit, *cells, one.spring or "rigid")
         )
+    load = _unit([one.prismatic for one in diagnosis.motors], "kg m²", "kg")
     columns = [
         Column("motor", code=True),
         Column("joint", code=True),
         *numbers("position"),
         Column("unit", "u"),
         *numbers("gear ratio", "inertia [kg m²]"),
-        *numbers("load [kg m² or kg]", "holding torque [N m]"),
+        *numbers(f"load [{load}]", "holding torque [N m]"),
         Column("drive spring", code=True),
     ]
     caption = "Motors; inertia and holding torque on the motor shaft, load on the arm side."
@@ -115,11 +119,15 @@ def spring_table(diagnosis: Diagnosis) -> Table:
         deflection = _cell(one.deflection / (1e-3 if one.linear else _DEGREE))
         stiffness, load = (_cell(v) for v in (one.stiffness, one.torque))
         rows.append((one.name, one.attached_to, one.axis, stiffness, deflection, load))
+    linear = [one.linear for one in diagnosis.springs]
+    stiffness_unit = _unit(linear, "N m/rad", "N/m")
+    deflection_unit, load_unit = _unit(linear, "°", "mm"), _unit(linear, "N m", "N")
     columns = [
         Column("spring", code=True),
         Column("joint or link", code=True),
         Column("axis"),
-        *numbers("stiffness [N m/rad or N/m]", "static deflection [° or mm]", "load [N m or N]"),
+        *numbers(f"stiffness [{stiffness_unit}]", f"static deflection [{deflection_unit}]"),
+        *numbers(f"load [{load_unit}]"),
     ]
     return table("spring-table", "Springs in equilibrium under gravity.", columns, rows)
 
@@ -160,7 +168,32 @@ def mode_table(diagnosis: Diagnosis) -> Table:
         damping = number_cell(100 * one.damping_ratio, text.significant)
         rows.append((_cell(one.frequency / (2 * np.pi)), damping, energy))
     columns = [*numbers("frequency [Hz]", "damping ratio [%]"), Column("elastic energy", "words")]
-    return table("mode-table", "Damped flexible modes, motors free.", columns, rows)
+    remarks = "; ".join(mode_remarks(diagnosis))
+    return table("mode-table", f"Damped flexible modes, motors free; {remarks}.", columns, rows)
+
+
+def anti_resonance_table(diagnosis: Diagnosis) -> Table:
+    """Return the undamped zeros of each motor's own response, up to the end of the band."""
+    high, rows = diagnosis.band[1], list[Row]()
+    for one in diagnosis.motors:
+        below = [w / (2 * np.pi) for w in one.anti_resonances if w <= high]
+        above = len(one.anti_resonances) - len(below)
+        words = ", ".join(text.significant(w) for w in below) or "–"
+        rows.append((one.name, words, Number(text.count(above), above)))
+    hertz = f"{high / (2 * np.pi):g} Hz"
+    columns = [
+        Column("motor", code=True),
+        Column("anti-resonances [Hz]", "words"),
+        *numbers(f"number above {hertz}"),
+    ]
+    caption = f"Undamped anti-resonances up to {hertz}: zeros of a motor's own frequency response."
+    return table("anti-resonance-table", caption, columns, rows)
+
+
+def _unit(linear: Sequence[bool], rotary: str, straight: str) -> str:
+    """Return the unit of a column, both of them where there are joints of both kinds."""
+    units = {rotary: not all(linear), straight: any(linear)}
+    return " or ".join(unit for unit, used in units.items() if used)
 
 
 def _cell(value: float) -> Number:

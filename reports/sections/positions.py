@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from markupsafe import Markup
 
 from oed.study.parts import DesignedPlan, MeasuredPlan
-from oed.study.results import FittedStudy, PlannedStudy
+from oed.study.results import FittedStudy, PlannedStudy, StudyResults
 from reports import text
 from reports.figures.robot_bodies import RobotDrawings, robot_drawings
 from reports.page_elements import Cell, Number, Section, Table, filled, numbers, table
@@ -36,6 +36,7 @@ def section(results: PlannedStudy) -> Section:
     body = filled(
         "positions.html.j2",
         results=results,
+        tool=isinstance(results, StudyResults) and results.tool is not None,
         poses=poses(results, drawn.drawings),
         bodies=drawn.bodies,
         positions=position_table(results),

@@ -21,10 +21,31 @@ def section(results: StudyResults) -> Section | None:
         "modes",
         mode_figures.modes(results.tool),
         "Resonances and damping ratios of the lowest modes in each position",
-        caption=f"Lowest modes in {positions}, with one standard deviation.",
+        caption=f"Lowest modes in {positions}, motors {results.tool.motors}, with one standard "
+        "deviation.",
     )
     body = filled("prediction.html.j2", figures=[modes], table=shown)
-    return Section("tool", "Tool", body + bands_words(results))
+    modes_body = filled("modes.html.j2", motors=results.tool.motors, shown=mode_table(results.tool))
+    return Section("tool", "Tool", body + modes_body + bands_words(results))
+
+
+def mode_table(prediction: ToolPrediction) -> Table:
+    """Return frequency and damping ratio of every mode in each position, with their bands."""
+    level = f"{100 * prediction.resonances.level:.0f} % band"
+    columns = numbers(
+        "position", "mode", "resonance [Hz]", f"{level} of it [Hz]", "damping [%]",
+        f"{level} of it [%]",
+    )  # fmt: skip
+    rows = [
+        [
+            *(Number(f"{number + 1}", number + 1.0) for number in at),
+            *value_and_band(prediction.resonances, at, 1 / (2 * np.pi)),
+            *value_and_band(prediction.damping, at, 100.0),
+        ]
+        for at in np.ndindex(prediction.resonances.values.shape)
+    ]
+    caption = f"Lowest modes, motors {prediction.motors}: undamped resonances, and damping ratios."
+    return table("tool-modes", caption, columns, rows)
 
 
 def positions_words(shown: int, count: int) -> str:
@@ -51,9 +72,9 @@ def prediction_table(prediction: ToolPrediction) -> Table:
         others = (_value(1e6 * v.real) for v in compliance.values[i, 1:])
         row: list[Cell] = [Number(f"{i + 1}", i + 1.0)]
         row += [Number(text.fixed(float(x), 3), float(x)) for x in point]
-        row += [*value_and_band(compliance, i, 1e6), *others]
-        row += value_and_band(prediction.resonances, i, 1 / (2 * np.pi))
-        rows.append([*row, *value_and_band(prediction.damping, i, 100.0)])
+        row += [*value_and_band(compliance, (i, 0), 1e6), *others]
+        row += value_and_band(prediction.resonances, (i, 0), 1 / (2 * np.pi))
+        rows.append([*row, *value_and_band(prediction.damping, (i, 0), 100.0)])
     caption = (
         "Tool coordinates in the base’s axes; half axes of the compliance ellipsoid with clamped "
         f"motors; first mode with {prediction.motors} motors."
@@ -61,12 +82,14 @@ def prediction_table(prediction: ToolPrediction) -> Table:
     return table("prediction", caption, columns, rows)
 
 
-def value_and_band(prediction: Prediction, row: int, factor: float) -> list[Number]:
-    """Return the first of several values in another unit, and the ends of its band."""
-    value = factor * float(prediction.values[row, 0].real)
-    low, high = (factor * float(end[row, 0]) for end in (prediction.lower, prediction.upper))
-    ends = [text.significant(end, 3) for end in (low, high)]
-    return [_value(value), Number(" to ".join(ends) if np.isfinite(low) else "–", low)]
+def value_and_band(
+    prediction: Prediction, at: tuple[int, ...], factor: float
+) -> tuple[Number, Number]:
+    """Return a value in another unit, and the ends of its band."""
+    value = factor * float(prediction.values[at].real)
+    low, high = (factor * float(end[at]) for end in (prediction.lower, prediction.upper))
+    shown, band = text.value_and_ends(value, low, high)
+    return Number(shown, value), Number(band, low)
 
 
 def _value(value: float) -> Number:

@@ -8,7 +8,8 @@ import numpy as np
 
 from estimators.validation.predict import Prediction
 from estimators.validation.predict_tool import ToolPrediction
-from reports.summaries.columns import csv_text, number, plain, table
+from reports import text
+from reports.summaries.columns import csv_text, plain, table
 from robotmodels.common.arrays import Array
 from robotmodels.common.plain_data import json_data
 
@@ -104,8 +105,8 @@ def response_csv(prediction: ToolPrediction) -> str:
 def _cell(prediction: Prediction, row: int, factor: float) -> tuple[str, str]:
     """Return the first of several values in another unit, and the ends of its band."""
     parts = (prediction.values.real, prediction.lower, prediction.upper)
-    value, low, high = (number(factor * float(part[row, 0])) for part in parts)
-    return value, f"{low} to {high}"
+    value, band = text.value_and_ends(*(factor * float(part[row, 0]) for part in parts))
+    return plain(value), plain(band)
 
 
 def _document(prediction: Prediction) -> dict[str, Any]:

@@ -223,17 +223,23 @@ def _modes(d: Diagnosis) -> list[str]:
     ]
     header = ("resonances", "damping ratio", "energy in springs")
     lines = table(header, rows, right=(0, 1)) if rows else ["resonances"]
+    return lines + [line for words in mode_remarks(d) for line in wrapped(words)]
+
+
+def mode_remarks(d: Diagnosis) -> list[str]:
+    """Return in words the modes that are no damped oscillations: overdamped and rigid ones."""
+    remarks = []
     if d.modes_failed:
         undamped = ", ".join(number(_hertz(w)) for w in d.resonances)
-        lines += wrapped(f"undamped: {undamped} Hz")
+        remarks.append(f"undamped: {undamped} Hz")
     if d.overdamped:
-        lines += wrapped(
+        remarks.append(
             f"overdamped: {plural(len(d.overdamped), 'real pole')}, "
             f"from {number(_hertz(min(d.overdamped)))} Hz"
         )
     rigid, tip = len(d.rigid_squares), sum(w < -1e-3 for w in d.rigid_squares)
     falls = f"; {tip} unstable under gravity while the motors are free" if tip else ""
-    return [*lines, *wrapped(f"{plural(rigid, 'rigid mode')}, one per motor{falls}")]
+    return [*remarks, f"{plural(rigid, 'rigid mode')}, one per motor{falls}"]
 
 
 def _anti_resonances(d: Diagnosis) -> list[str]:

@@ -36,7 +36,7 @@
     const everything = [...candidates, ...data.plan, ...data.refused];
     const [xr, yr] = [i, j].map((k) => extent([everything.map((one) => one[k])], 0.06));
     const title = `Candidates over ${data.names[i]} and ${data.names[j]}`;
-    const svg = make("svg", { viewBox: "0 0 700 470", role: "img", tabindex: 0, "aria-label": title });
+    const svg = make("svg", { viewBox: "0 0 700 492", role: "img", tabindex: 0, "aria-label": title });
     svg.style.setProperty("--width", 520);
     const plane = axes(svg, [62, 10, 620, 410], xr, yr,
       { log: false, xs: ticks(...xr), ys: ticks(...yr), title: data.names[j], xTitle: data.names[i], name: "a" });
@@ -65,13 +65,13 @@
       svg.append(make("text", { ...place, "font-size": 11, fill: "var(--ink)" }, several.map((k) => k + 1).join(", ")));
     }
     // What the shades say.
-    const key = { y: 462, "font-size": 11, fill: "var(--muted)" };
-    svg.append(make("text", { ...key, x: 62 }, `sensitivity ${low.toFixed(2)}`));
+    const key = { y: 484, "font-size": 11, fill: "var(--muted)" };
+    svg.append(make("text", { ...key, x: 194, "text-anchor": "end" }, `sensitivity ${low.toFixed(2)}`));
     for (let shade = 0; shade < 8; shade++) {
-      const place = { x: 140 + 16 * shade, y: 453, width: 16, height: 10 };
+      const place = { x: 200 + 16 * shade, y: 475, width: 16, height: 10 };
       svg.append(make("rect", { ...place, fill: "var(--accent)", opacity: 0.06 + 0.12 * shade }));
     }
-    svg.append(make("text", { ...key, x: 274 }, high.toFixed(2)));
+    svg.append(make("text", { ...key, x: 334 }, high.toFixed(2)));
     const ring = make("circle", { r: 7, fill: "none", stroke: "var(--ink)", "stroke-width": 1.4, visibility: "hidden" });
     svg.append(ring);
 

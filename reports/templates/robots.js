@@ -268,7 +268,7 @@
       for (const { svg, modes } of robots) {
         const [frequency] = modes[moving.mode] ?? [];
         const told = svg.closest("figure")?.querySelector(".mode");
-        if (told) told.textContent = frequency === undefined ? "" : `${frequency} Hz`;
+        if (told) told.textContent = frequency === undefined ? "" : `${frequency} Hz, motors free`;
       }
       moving.playing = false;
       if (moving.mode < 0) draw();

@@ -312,7 +312,7 @@ def test_a_mode_moves_the_pictures_and_lets_go(desktop):
     choice.select_option("1")
     moved = drawn(desktop)
     assert all(now != then for now, then in zip(moved, at_rest, strict=True))
-    assert desktop.locator("#pose-1 .mode").text_content().endswith(" Hz")
+    assert desktop.locator("#pose-1 .mode").text_content().endswith(" Hz, motors free")
     choice.select_option("none")
     assert [numbers(one) for one in drawn(desktop)] == [
         pytest.approx(numbers(one), abs=0.002) for one in at_rest

@@ -76,6 +76,21 @@ def test_axe_finds_no_violation(browser, pages, name, scheme):
         assert violations(page) == []
 
 
+def test_the_page_of_a_robot_says_what_the_terminal_says(browser, pages):
+    code, said, _ = oed("check", pages["check"].parent / "study" / "robot.yaml")
+    assert code == 0
+    words = " ".join(re.sub(r"\s+", " ", said).split())
+    with open_page(browser, pages["check"], *DESKTOP) as (page, _):
+        rows = page.locator("#anti-resonance-table tbody tr").all_inner_texts()
+        caption = page.locator("#mode-table caption").inner_text()
+        heads = page.locator("#motor-table thead, #spring-table thead").all_inner_texts()
+    for remark in re.sub(r"^.*?motors free; (.*)\.$", r"\1", caption).split("; "):
+        assert remark in words
+    first = said[said.index("anti-resonances up to") :].splitlines()[1].split()
+    assert re.split(r"[\s,]+", rows[0].strip()) == [*first, "0"]  # none lies above
+    assert not any(" or " in head.replace("joint or link", "") for head in heads)
+
+
 def test_axe_finds_what_is_wrong(browser, tmp_path):
     bad = tmp_path / "bad.html"
     bad.write_text("<img src='data:,'><p style='color: #999; background: #888'>grey</p>")

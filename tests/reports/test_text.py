@@ -103,3 +103,10 @@ def test_words():
 def test_probabilities():
     assert text.probability(0.0312) == "0.031"
     assert text.probability(0.0) == text.probability(3e-9) == "< 0.0001"
+
+
+def test_bands_have_digits_by_their_width():
+    assert text.value_and_ends(5.0471, 5.0433, 5.0512) == ("5.0471", "5.0433 to 5.0512")
+    assert text.value_and_ends(64.2, 41.0, 99.0) == ("64", "41 to 99")
+    assert text.value_and_ends(2.0, 2.0, 2.0) == ("2.00", "2.00 to 2.00")
+    assert text.value_and_ends(2.0, np.nan, np.nan) == ("2.00", "–")
