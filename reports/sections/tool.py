@@ -10,6 +10,9 @@ from reports import text
 from reports.figures import mode_figures
 from reports.page_elements import Cell, Number, Section, Table, figure, filled, numbers, table
 
+_ROUNDING = 1e-9
+"""Of the largest compliance, below which others are zero."""
+
 
 def section(results: StudyResults) -> Section | None:
     """Return the section; None without a prediction."""
@@ -69,7 +72,8 @@ def prediction_table(prediction: ToolPrediction) -> Table:
     rows: list[list[Cell]] = []
     compliance = prediction.compliance
     for i, point in enumerate(prediction.points):
-        others = (_value(1e6 * v.real) for v in compliance.values[i, 1:])
+        sizes = 1e6 * compliance.values[i].real
+        others = (_value(v if v > _ROUNDING * sizes[0] else 0.0) for v in sizes[1:])
         row: list[Cell] = [Number(f"{i + 1}", i + 1.0)]
         row += [Number(text.fixed(float(x), 3), float(x)) for x in point]
         row += [*value_and_band(compliance, (i, 0), 1e6), *others]

@@ -57,9 +57,9 @@
   select("as", VIEWS, "view");
   const SINGULAR = 2; // of the whole matrix, not of an element
   const positions = data.ids.map((_, q) => `position ${q + 1}`);
-  if (Q > 1) select("beside", ["no other", "all positions", ...positions], "beside");
+  const besideBox = Q > 1 && select("beside", ["no other", "all positions", ...positions], "beside");
   const BANDS = ["model, one standard deviation", "posterior predictive, 95 %"];
-  if (predictive) select("band", BANDS, "band");
+  const bandBox = predictive && select("band", BANDS, "band");
 
   const holder = figure.querySelector(".scroll");
   const readout = figure.querySelector("output");
@@ -209,7 +209,8 @@
     const whole = state.view === SINGULAR;
     const which = whole ? "" : `, from ${data.inputs[state.j]} to ${data.outputs[state.i]}`;
     const title = `Position ${state.q + 1}${which}: ${VIEWS[state.view]}`;
-    for (const box of [toBox, fromBox]) box.parentElement.hidden = whole;
+    for (const box of [toBox, fromBox, besideBox]) if (box) box.parentElement.hidden = whole;
+    if (bandBox) bandBox.parentElement.hidden = state.view !== 0;
     for (const part of figure.querySelectorAll("[data-views]"))
       part.hidden = !part.dataset.views.includes(state.view);
     const svg = make("svg", { viewBox: "0 0 860 500", role: "img", tabindex: 0, "aria-label": title });

@@ -161,14 +161,19 @@ def test_tables_are_copied_as_latex(study):
         "() => Object.defineProperty(navigator, 'clipboard', "
         "{ value: { writeText: async (text) => { window.copied = text; } } })"
     )
+    cell = study.locator("#estimates tbody tr:not(.group) td").first
+    number = cell.text_content()
+    cell.evaluate("one => { one.textContent = '∞ µm'; }")
     study.locator("#estimates [data-copy=latex]").click()
     text = study.evaluate("window.copied")
+    cell.evaluate("(one, words) => { one.textContent = words; }", number)
+    assert r"$\infty$ $\mu$m" in text
     assert text.splitlines()[1].startswith(r"\begin{tabular}{l")
     assert r"d2.stiffness &" in text
     assert r"std [\%]" in text
     assert r"{Springs}" in text
     assert text.count("&") % (text.splitlines()[3].count("&")) == 0
-    assert not re.search(r"[−±≥°⁻×]", text)
+    assert not re.search(r"[−±≥°⁻×∞µμ]", text)
 
 
 def test_a_link_to_a_part_opens_it(browser, pages):
