@@ -1,10 +1,10 @@
 """Whether chains of walkers are long enough: R-hat, effective sample size, autocorrelation time."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from estimators.sampling.mixing import bulk_size, rank_r_hat
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import InvalidInput
 
@@ -108,10 +108,7 @@ def has_converged(chains: Array, target: StoppingCriterion) -> bool:
     """Return whether chains meet the criterion, by the cheapest tests first."""
     burn, tau = burn_in(chains)
     used = chains[:, burn:]
-    e, t, w, _ = used.shape
-    if t < TIMES * tau.max() or e * t * w / tau.max() < target.ess:
-        return False
-    if not effective_size(used).min() >= target.ess:
+    if used.shape[1] < TIMES * tau.max() or not effective_size(used).min() >= target.ess:
         return False
     return bool(r_hat(used).max() <= target.r_hat)
 
@@ -124,21 +121,21 @@ def burn_in(chains: Array) -> tuple[int, Array]:
 
 
 def r_hat(chains: Array) -> Array:
-    """Return the rank-normalised split R-hat (p,) across ensembles, by arviz-stats.
+    """Return the rank-normalised split R-hat (p,) across ensembles.
 
     One series per ensemble, its walkers in order of time: those of one ensemble are not
     independent, so only ensembles may be compared.
     """
     e, t, w, p = chains.shape
     series = np.moveaxis(chains, -1, 0).reshape(p, e, t * w)
-    return np.array([float(_arviz().rhat(one)) for one in series])
+    return np.array([rank_r_hat(one) for one in series])
 
 
 def effective_size(chains: Array) -> Array:
-    """Return the bulk effective sample size (p,) of all walkers' series, by arviz-stats."""
+    """Return the bulk effective sample size (p,) of all walkers' series."""
     e, t, w, p = chains.shape
     series = np.moveaxis(chains, (-1, 2), (0, 2)).reshape(p, e * w, t)
-    return np.array([float(_arviz().ess(one)) for one in series])
+    return np.array([bulk_size(one) for one in series])
 
 
 def autocorrelation_time(chains: Array) -> Array:
@@ -158,10 +155,3 @@ def autocorrelation_time(chains: Array) -> Array:
         outside = np.arange(t) >= 5 * growing
         times[i] = growing[int(np.argmax(outside)) if outside.any() else t - 1]
     return np.maximum(times, 1.0)
-
-
-def _arviz() -> Any:
-    """Return arviz-stats' functions of arrays, which have no types; loaded when first needed."""
-    from arviz_stats.base.array import array_stats
-
-    return array_stats

@@ -10,6 +10,13 @@ from estimators.fitting.fitted_model import FittedModel
 from estimators.fitting.priors import Prior
 from estimators.sampling.chain_checkpoint import Store
 from estimators.sampling.convergence import StoppingCriterion, assess_convergence, has_converged
+from estimators.sampling.ensemble import (
+    Sampler,
+    check_starts,
+    checked_starts,
+    drawn_starts,
+    run_ensembles,
+)
 from estimators.sampling.likelihood import Noise
 from estimators.sampling.log_posterior import LogPosterior, posterior_density
 from estimators.sampling.student_t_proposal import laplace
@@ -174,15 +181,6 @@ def sample_posterior(
     SolverFailed
         If a cost is not a number, with the parameters.
     """
-    # Imported here: emcee takes long to load, and most of those who read a posterior sample none.
-    from estimators.sampling.ensemble import (
-        Sampler,
-        check_starts,
-        checked_starts,
-        drawn_starts,
-        run_ensembles,
-    )
-
     check_kind(fit, FittedModel, "posterior: fit")
     check_sizes(len(fit.parameters), ensembles, walkers, steps, thin)
     density = posterior_density(fit, noise=noise, scale=scale, prior=prior)

@@ -11,6 +11,7 @@ from estimators.sampling.convergence import (
     has_converged,
     r_hat,
 )
+from estimators.sampling.mixing import bulk_size, rank_r_hat
 from robotmodels import InvalidInput
 
 NAMES = ("a", "b")
@@ -39,6 +40,17 @@ def test_r_hat_and_effective_sizes_are_those_of_arviz_stats():
         by_ensemble = x[..., i].reshape(4, -1)
         assert effective_size(x)[i] == array_stats.ess(by_walker, chain_axis=0, draw_axis=1)
         assert r_hat(x)[i] == array_stats.rhat(by_ensemble, chain_axis=0, draw_axis=1)
+
+
+@pytest.mark.parametrize("a", [-0.9, 0.0, 0.7, 0.98])
+@pytest.mark.parametrize("snapshots", [5, 12, 61])
+def test_mixing_is_that_of_arviz_stats_with_shifts_and_equal_values(a, snapshots):
+    x = autoregression(a, snapshots, 1, 6, seed=snapshots)[0].transpose(2, 1, 0)
+    rejected = np.repeat(x, 2, axis=2)
+    for series in (*x, *rejected, *np.round(x, 1), x[0] + np.arange(6)[:, None], np.zeros((4, 8))):
+        assert bulk_size(series) == pytest.approx(float(array_stats.ess(series)), rel=1e-9)
+        if np.ptp(series):
+            assert rank_r_hat(series) == pytest.approx(float(array_stats.rhat(series)), rel=1e-9)
 
 
 def test_long_chains_are_enough_and_short_ones_are_not():

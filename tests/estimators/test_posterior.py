@@ -113,6 +113,9 @@ def test_the_posterior_is_as_wide_as_theorem_1(found):
     assert (ratio > 0.9).all()
     assert (ratio < 1.1).all()
     assert told[-1] == (2 * posterior.steps, 2 * posterior.steps)
+    assert posterior.ess.min() >= 1500
+    assert posterior.r_hat.max() <= 1.01
+    assert posterior.steps - posterior.burn_in >= 10 * posterior.autocorrelation_time.max()
     assert told[0] == (200, 40_000)
     assert "converged" in str(posterior)
     assert "k12" in str(posterior)

@@ -70,7 +70,7 @@ def _sampled(
 
     def compute(folder: Path, report: Progress | None) -> Posterior:
         if isinstance(run.executor, ProcessPool):
-            run.executor.load("estimators.sampling.ensemble")  # while this one prepares
+            run.executor.load("estimators.sampling.moves")  # while this one prepares
         return sample_posterior(
             density(result.value.fit),
             rng=run.rng(name),
