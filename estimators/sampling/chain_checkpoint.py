@@ -47,7 +47,7 @@ class Store:
     """Chains in a file that ``emcee.backends.HDFBackend(path, name="ensemble_0")`` reads.
 
     The file is always whole: a new one is written beside it and replaces it at once. As the
-    chunks between two writes grow with the chains, that costs about eleven times the final size at most.
+    chunks between two writes grow with the chains, that costs twelve times the final size at most.
 
     Parameters
     ----------
