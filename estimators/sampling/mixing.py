@@ -68,4 +68,4 @@ def _autocovariances(series: Array) -> Array:
     padded = next_fast_len(2 * n, real=True)
     spectrum = np.fft.rfft(series - series.mean(axis=1, keepdims=True), n=padded)
     products = np.fft.irfft(spectrum * np.conjugate(spectrum), n=padded)[:, :n] / n
-    return np.ascontiguousarray(products.T).mean(axis=1)
+    return np.asarray(np.ascontiguousarray(products.T).mean(axis=1))
