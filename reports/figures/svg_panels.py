@@ -14,7 +14,7 @@ from robotmodels.common.arrays import Array, IntArray
 _UNITS = 10.0  # of a path in a point
 _LETTER, _LINE = 0.6, 12.0  # width of a letter in its height, and height of a line [pt]
 _SMALL, _SIZE = 8.0, 9.0  # letters of numbers, and of labels [pt]
-_ROOM = 1.2  # of words in a legend, which are larger on narrow screens
+_ROOM = 1.35  # of words in a legend, which are larger on narrow screens
 _WIDE = 0x2E80  # code of the first letter of these scripts
 _GAP, _EDGE = 8.0, 4.0  # between panels, and around all of them [pt]
 

@@ -47,7 +47,7 @@
         plane.band(x, [y[0], y[0]], [y[1], y[1]], "muted");
       }
     const at = (list, k) => list.map((one) => one[k]);
-    plane.dots(at(data.refused, i), at(data.refused, j), "muted", 2.5, 0.7);
+    plane.dots(at(data.refused, i), at(data.refused, j), "muted", 3.5, 0.7);
     // Of candidates that coincide in this projection the best is shown.
     const spot = (one) => `${Math.round(plane.across(one[i]))} ${Math.round(plane.up(one[j]))}`;
     const best = [...new Map(order.map((q) => [spot(candidates[q]), q])).values()];
