@@ -77,9 +77,10 @@ def test_other_formats_give_the_same_frfs(estimated, ending, tmp_path):
     folder, _ = estimated
     path = tmp_path / f"records{ending}"
     write_records(path, read_records(folder / "records.h5"))
-    code, _, err = oed("frf", path, "-o", tmp_path / "there")
-    assert (code, err) == (0, "")
-    mine, other = read_frf(tmp_path / "there" / "frf.h5"), read_frf(folder / "frf.h5")
+    for records, there in ((path, "there"), (folder / "records.h5", "here")):
+        code, _, err = oed("frf", records, "-o", tmp_path / there)
+        assert (code, err) == (0, "")
+    mine, other = (read_frf(tmp_path / there / "frf.h5") for there in ("there", "here"))
     assert np.abs(mine.response / other.response - 1).max() < 1e-12
 
 
@@ -200,11 +201,22 @@ def test_any_number_of_outputs_and_a_band(tmp_path):
 
 def test_measured_torques_are_not_held(estimated, tmp_path):
     folder, _ = estimated
-    assert oed("frf", folder / "records.h5", "--no-hold", "-o", tmp_path)[0] == 0
-    held, free = read_frf(folder / "frf.h5"), read_frf(tmp_path / "frf.h5")
+    for options, there in ((("--no-hold",), "free"), ((), "held")):
+        assert oed("frf", folder / "records.h5", *options, "-o", tmp_path / there)[0] == 0
+    held, free = (read_frf(tmp_path / there / "frf.h5") for there in ("held", "free"))
     half = held.omega * 0.002 / 2  # the hold's response is sinc(half) exp(-j half)
     expected = np.sin(half) / half * np.exp(-1j * half)
     assert (free.response / held.response)[0, :, 0, 0] == pytest.approx(expected, rel=1e-9)
+
+
+def test_images_of_held_torques_are_taken_off_by_the_robots_model(estimated, tmp_path):
+    folder, _ = estimated
+    assert oed("frf", folder / "records.h5", "-o", tmp_path)[0] == 0
+    with_images, without = read_frf(tmp_path / "frf.h5"), read_frf(folder / "frf.h5")
+    robot = robotmodels.load_robot("moberg_axis1")
+    model = robotmodels.frequency_response(robot, without.positions, without.omega)
+    apart = [np.abs(one.response / model - 1)[0, -5:].max() for one in (without, with_images)]
+    assert apart[0] < apart[1] / 3
 
 
 def refused(folder, words, *command):

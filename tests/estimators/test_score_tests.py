@@ -131,7 +131,7 @@ def test_what_is_no_robot_or_no_time_is_refused():
     omega = np.linspace(5.0, 80.0, 30)
     estimate = simulate_frf(chains, np.zeros((1, 1)), omega, NOISE, np.random.default_rng(0))
     single = fit(chains, estimate, "nls", "optimal")
-    with pytest.raises(InvalidInput, match="only a robot of a robot file"):
+    with pytest.raises(InvalidInput, match="a robot of a robot file is needed"):
         score_tests(single)
     with pytest.raises(SolverFailed, match="no score tests without a fit"):
         score_tests(replace(single, cost=np.inf))
