@@ -8,7 +8,7 @@ the repeats counts, by the clock and in processor time of all processes:
 - scratch: no stage is there, machine code is;
 - unchanged: the same command again;
 - report: all stages are there, the page is not;
-- posterior: other settings of the posterior;
+- posterior: other settings of the posterior, so that its draws are others;
 - first: scratch, and the folder of machine code is empty (only with `--first`, half a minute each).
 """
 
@@ -52,7 +52,7 @@ def prepared(case: str, folder: Path, repeat: int) -> Path:
     if case == "report":
         (output / "report.html").unlink()
     if case == "posterior":
-        text = text.replace("steps: 2000", f"steps: {1995 - 5 * repeat}")
+        text = text.replace("walkers: 64", f"walkers: {66 + 2 * repeat}")
     study.write_text(text, encoding="utf-8")
     return study
 

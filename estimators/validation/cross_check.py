@@ -117,6 +117,7 @@ def cross_check(
     profiles: "Sequence[Profile]" = (),
     monte_carlo: "MonteCarlo | None" = None,
     multistart: Sequence[FittedModel] = (),
+    trust: Trust | None = None,
 ) -> CrossCheck:
     """Return the recommended intervals with those of other methods.
 
@@ -143,6 +144,8 @@ def cross_check(
         Repeated fits of simulated data, if computed.
     multistart : sequence of Fit
         Fits from many starts.
+    trust : Trust, optional
+        ``fit.trust``; computed where None.
 
     Raises
     ------
@@ -161,7 +164,7 @@ def cross_check(
         None if one is None or not one.converged else one for one in (posterior, cost_posterior)
     )
     importance = None if importance is None or not importance.trusted else importance
-    trust = fit.trust
+    trust = trust or fit.trust
     scatter = _scatter(fit, multistart)
     stds = {
         RECOMMENDED: trust.std,

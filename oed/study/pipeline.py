@@ -23,7 +23,7 @@ from oed.study.settings.study_file import Study
 from oed.study.sources import MeasuredStudy, SimulatedDesign, SimulatedStudy
 from oed.study.stage_cache import Beside, Stage, Stages, versions
 from oed.study.stages.assumed_springs import powers_of_alternatives
-from oed.study.stages.cross_check import CrossCheckInputs, cross_check, importance_ahead
+from oed.study.stages.cross_check import CrossCheckInputs, cross_check, importance
 from oed.study.stages.fit import Search, fit
 from oed.study.stages.posterior import check_posterior, cost_posterior, posterior, stored_posterior
 from oed.study.stages.profiles import profiles
@@ -170,8 +170,8 @@ def _results(
     plan = source.plan
     predicted = attempt("tool", lambda: tool(run, best, theorem1, drawn, plan.positions))
     certain = attempt("responses", lambda: responses(run, source.data, best, theorem1, drawn))
-    importance = None if compared.done() else importance_ahead(run, best)
-    methods = CrossCheckInputs(theorem1, drawn, by_cost, curves, compared.result(), importance)
+    weighted = attempt("importance", lambda: importance(run, best))
+    methods = CrossCheckInputs(theorem1, drawn, by_cost, curves, compared.result(), weighted)
     check = attempt("cross-check", lambda: cross_check(run, best, methods, fits.searches))
     held_out = attempt("validation", lambda: source.validation(best, theorem1))
     names = run.robot.parameters.names

@@ -20,6 +20,7 @@ STAGES = {
     "comparison",
     "posterior",
     "profiles",
+    "importance",
     "cross-check",
     "tool",
     "residuals",

@@ -1,7 +1,6 @@
-"""The stage ``cross-check``: what every method says of each parameter, side by side."""
+"""The stages ``importance`` and ``cross-check``: what every method says of each parameter."""
 
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -10,6 +9,7 @@ from estimators.fitting.fitted_model import FittedModel
 from estimators.sampling.importance_sampling import ImportanceSample, importance_sample
 from estimators.sampling.posterior import Posterior
 from estimators.sampling.profile_likelihood import Profile
+from estimators.trust.trust import Trust
 from estimators.uncertainty.covariance import Uncertainty
 from estimators.validation.cross_check import CrossCheck, cross_check as compare_methods
 from estimators.validation.monte_carlo import MonteCarlo
@@ -26,15 +26,23 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
+class Importance:
+    """Importance sample and trust of a result, which no setting of the posterior changes."""
+
+    sample: ImportanceSample
+    trust: Trust
+
+
+@dataclass(frozen=True, eq=False)
 class CrossCheckInputs:
-    """The stages that a cross-check compares, as far as there are any, and what is there ahead."""
+    """The stages that a cross-check compares, as far as there are any."""
 
     covariances: Stage[Uncertainty] | None
     posterior: Stage[Posterior] | None
     cost_posterior: Stage[Posterior] | None
     profiles: Stage[Profiles] | None
     comparison: Stage[PlanComparison] | None
-    importance: ImportanceSample | None = None
+    importance: Stage[Importance] | None
 
     @property
     def profile_likelihoods(self) -> tuple[Profile, ...]:
@@ -52,7 +60,7 @@ def cross_check(
     name = run.study.fit.result or _likelihood(searches)
     runs: tuple[FittedModel, ...] = () if name is None else searches[name].value.runs
     repeated = _repeated(run, result, methods)
-    fit = result.value.fit
+    fit, computed = result.value.fit, _value(methods.importance)
 
     def compute(folder: Path, report: Progress | None) -> CrossCheck:
         return compare_methods(
@@ -60,7 +68,8 @@ def cross_check(
             theorem1=_value(methods.covariances),
             posterior=_value(methods.posterior),
             cost_posterior=_value(methods.cost_posterior),
-            importance=methods.importance or _importance(run, result),
+            importance=None if computed is None else computed.sample,
+            trust=None if computed is None else computed.trust,
             profiles=methods.profile_likelihoods,
             monte_carlo=repeated,
             multistart=[one for one in runs if one.converged],
@@ -74,26 +83,25 @@ def cross_check(
         "own cost": _digest(methods.cost_posterior),
         "profiles": _digest(methods.profiles),
         "comparison": _digest(methods.comparison),
+        "importance": _digest(methods.importance),
         "repeated": repeated is not None,
         "runs": None if name is None else searches[name].digest,
-        **run.settings("seed"),
     }
     return run.stages.run("cross-check", inputs, compute, dataclass_files(CrossCheck))
 
 
-def importance_ahead(run: Run, result: Stage[SelectedFit]) -> ImportanceSample | None:
-    """Return the importance sample, and let the fit compute its verdict, before the rest is there.
+def importance(run: Run, result: Stage[SelectedFit]) -> Stage[Importance]:
+    """Return draws of the likelihood by importance sampling, and how far the fit can be trusted."""
+    fit = result.value.fit
 
-    None where there is none; the cross-check tells why.
-    """
-    with suppress(Exception):
-        if result.value.fit.trust.names:
-            return _importance(run, result)
-    return None
+    def compute(folder: Path, report: Progress | None) -> Importance:
+        rng = run.rng("importance")
+        return Importance(
+            importance_sample(likelihood_of(fit), rng=rng, progress=report), fit.trust
+        )
 
-
-def _importance(run: Run, result: Stage[SelectedFit]) -> ImportanceSample:
-    return importance_sample(likelihood_of(result.value.fit), rng=run.rng("importance"))
+    inputs = {"robot": run.robot_digest, "result": result.digest, **run.settings("seed")}
+    return run.stages.run("importance", inputs, compute, dataclass_files(Importance))
 
 
 def _value(stage: Stage[T] | None) -> T | None:
