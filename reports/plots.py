@@ -131,6 +131,9 @@ def _curve(
     return omega, band.response[0][elements], band.magnitude_std[0][elements]
 
 
+_TAG = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 1.0}
+
+
 def design_map(
     positions: Array,
     design: Design,
@@ -140,6 +143,8 @@ def design_map(
     names: Sequence[str] | None = None,
 ) -> Figure:
     """Return what candidates would add over two joints, the largest in each cell.
+
+    The positions used are numbered in the order of the candidates.
 
     Parameters
     ----------
@@ -170,7 +175,16 @@ def design_map(
     labels = [f"{names[j] if names else f'joint {j + 1}'} [°]" for j in joints]
     weights = design.weights if plan is None else plan.repetitions
     shown = np.degrees(np.asarray(positions)[:, list(joints)])
-    return in_light(maps.design_map(shown, design.sensitivity, weights, labels))
+    figure = in_light(maps.design_map(shown, design.sensitivity, weights, labels))
+    places: dict[tuple[float, ...], list[int]] = {}
+    for number, place in enumerate(shown[weights > 0].round(6).tolist(), start=1):
+        places.setdefault(tuple(place), []).append(number)
+    for place, numbers in places.items():
+        words = ", ".join(map(str, numbers))
+        figure.axes[0].annotate(
+            words, place, xytext=(6, 5), textcoords="offset points", fontsize=7, bbox=_TAG
+        )
+    return figure
 
 
 def sensitivity_function(design: Design) -> Figure:

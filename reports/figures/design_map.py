@@ -9,6 +9,8 @@ from robotmodels.common.arrays import Array, IntArray
 
 _CELLS = 24  # along an axis, at most
 _SHADES = 8
+_ALPHAS = [0.06 + 0.9 * k / _SHADES for k in range(_SHADES)]
+_SCALE = "sensitivity over its maximum [–]"
 
 
 def design_map(
@@ -16,7 +18,7 @@ def design_map(
 ) -> Panels:
     """Return the largest sensitivity in each cell of two coordinates, and the positions used.
 
-    Shades go from the least of the cells to the largest.
+    Shades go from the smallest of the cells to the largest, as the scale beside the map says.
 
     Parameters
     ----------
@@ -38,7 +40,7 @@ def design_map(
     shades = np.where(highest < 0, -1, np.minimum(shares, _SHADES - 1)).astype(np.int64)
     used = np.flatnonzero(weights > 0)
     shaded: list[Mark] = [
-        Area(*cells(edges[0], edges[1], shades == k), "accent", 0.06 + 0.9 * k / _SHADES)
+        Area(*cells(edges[0], edges[1], shades == k), "accent", _ALPHAS[k])
         for k in np.unique(shades[shades >= 0])
     ]
     sizes, (across, up) = 120 * weights[used] / weights.max(), positions[used].T
@@ -46,7 +48,14 @@ def design_map(
     x, y = (
         Axis(name, (ends[0], ends[-1]), grid=False) for name, ends in zip(names, edges, strict=True)
     )
-    return Panels((5.4, 3.8), [[Panel(marks, x, y)]])
+    ends = np.linspace(lowest, 1.0, _SHADES + 1)
+    scale = [
+        Area(*cells(np.array([0.0, 1.0]), ends[k : k + 2], np.ones((1, 1), bool)), "accent", alpha)
+        for k, alpha in enumerate(_ALPHAS)
+    ]
+    bar = Panel(scale, Axis(names={}), Axis(_SCALE, (lowest, 1.0), grid=False))
+    legend = (("positions used, area by weight or visits", "second"),)
+    return Panels((6.2, 3.8), [[Panel(marks, x, y), bar]], widths=(16, 1), legend=legend)
 
 
 def _edges(values: Array) -> Array:

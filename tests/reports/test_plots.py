@@ -139,6 +139,17 @@ def test_a_design_map_has_the_largest_of_each_cell():
     np.testing.assert_array_equal(dots.get_offsets(), [[1, 1]])
 
 
+def test_a_map_numbers_the_positions_of_the_plan_and_has_a_scale():
+    positions = np.radians([[0.0, 0, 5], [0, 10, 5], [10, 0, 5], [10, 0, 6]])
+    design = SimpleNamespace(weights=np.ones(4) / 4, sensitivity=np.array([0.5, 0.9, 1.0, 1.0]))
+    plan = SimpleNamespace(repetitions=np.array([0, 1, 2, 1]))
+    drawn = plots.design_map(positions, design, plan=plan)
+    assert [one.get_text() for one in drawn.axes[0].texts] == ["1", "2, 3"]
+    scale = drawn.axes[1]
+    assert scale.get_ylim() == pytest.approx((0.5, 1.0))
+    assert "sensitivity" in scale.get_ylabel()
+
+
 def test_mistakes_in_maps_are_told():
     design = SimpleNamespace(weights=np.ones(3), sensitivity=np.ones(3))
     with pytest.raises(robotmodels.InvalidInput, match="one row for each of the design's 3"):
