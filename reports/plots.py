@@ -176,13 +176,13 @@ def design_map(
     weights = design.weights if plan is None else plan.repetitions
     shown = np.degrees(np.asarray(positions)[:, list(joints)])
     figure = in_light(maps.design_map(shown, design.sensitivity, weights, labels))
-    places: dict[tuple[float, ...], list[int]] = {}
-    for number, place in enumerate(shown[weights > 0].round(6).tolist(), start=1):
-        places.setdefault(tuple(place), []).append(number)
-    for place, numbers in places.items():
+    numbered: dict[tuple[float, ...], list[int]] = {}
+    for number, point in enumerate(shown[weights > 0].round(6).tolist(), start=1):
+        numbered.setdefault(tuple(point), []).append(number)
+    for point, numbers in numbered.items():
         words = ", ".join(map(str, numbers))
         figure.axes[0].annotate(
-            words, place, xytext=(6, 5), textcoords="offset points", fontsize=7, bbox=_TAG
+            words, point, xytext=(6, 5), textcoords="offset points", fontsize=7, bbox=_TAG
         )
     return figure
 
