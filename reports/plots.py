@@ -176,9 +176,9 @@ def design_map(
     weights = design.weights if plan is None else plan.repetitions
     shown = np.degrees(np.asarray(positions)[:, list(joints)])
     figure = in_light(maps.design_map(shown, design.sensitivity, weights, labels))
-    numbered: dict[tuple[float, ...], list[int]] = {}
-    for number, point in enumerate(shown[weights > 0].round(6).tolist(), start=1):
-        numbered.setdefault(tuple(point), []).append(number)
+    numbered: dict[tuple[float, float], list[int]] = {}
+    for number, (across, up) in enumerate(shown[weights > 0].round(6).tolist(), start=1):
+        numbered.setdefault((across, up), []).append(number)
     for point, numbers in numbered.items():
         words = ", ".join(map(str, numbers))
         figure.axes[0].annotate(

@@ -4,12 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from reports.figures.panels import Area, Axis, Bubbles, Mark, Panel, Panels, cells
+from reports.figures.panels import Area, Axis, Bubbles, Colour, Mark, Panel, Panels, cells
 from robotmodels.common.arrays import Array, IntArray
 
 _CELLS = 24  # along an axis, at most
 _SHADES = 8
 _ALPHAS = [0.06 + 0.9 * k / _SHADES for k in range(_SHADES)]
+_LEGEND: Sequence[tuple[str, Colour]] = [("positions used, area by weight or visits", "second")]
 _SCALE = "sensitivity over its maximum [–]"
 
 
@@ -54,8 +55,7 @@ def design_map(
         for k, alpha in enumerate(_ALPHAS)
     ]
     bar = Panel(scale, Axis(names={}), Axis(_SCALE, (lowest, 1.0), grid=False))
-    legend = (("positions used, area by weight or visits", "second"),)
-    return Panels((6.2, 3.8), [[Panel(marks, x, y), bar]], widths=(16, 1), legend=legend)
+    return Panels((6.2, 3.8), [[Panel(marks, x, y), bar]], widths=(16, 1), legend=_LEGEND)
 
 
 def _edges(values: Array) -> Array:
