@@ -7,6 +7,7 @@ import numpy as np
 import viser
 from viser import uplot
 
+from reports.text import pretty_unit
 from reports.viewer.view import View
 from robotmodels.common.arrays import Array
 
@@ -40,9 +41,9 @@ class Controls:
         gui.set_panel_label(view.robot.name)
         self.words = gui.add_markdown("")
         self.colours, self.rejected = self._add_plan(gui)
+        self._add_frf(gui)
         self._angles = self._add_position(gui, start)
         self._add_modes(gui)
-        self._add_frf(gui)
         self._factors = self._add_springs(gui)
 
     @property
@@ -124,7 +125,7 @@ class Controls:
                     float(np.floor(high[i] * 10**_DECIMALS) / 10**_DECIMALS),
                 )
                 at = float(np.clip(np.round(start[i] / self._unit[i], _DECIMALS), *ends))
-                unit = "deg" if robot.turning[i] else "m"
+                unit = "°" if robot.turning[i] else "m"
                 slider = gui.add_slider(f"{name} [{unit}]", *ends, 10.0**-_DECIMALS, at)
                 slider.on_update(self._touch)
                 sliders.append(slider)
@@ -140,7 +141,7 @@ class Controls:
     def _add_frf(self, gui: viser.GuiApi) -> None:
         robot, empty = self._view.robot, np.full(len(self._view.omega), np.nan)
         names = tuple(f"{o} / {m}" for o in robot.output_names for m in robot.motor_names)
-        with gui.add_folder("FRF"):
+        with gui.add_folder("FRF, magnitude"):
             self._element = gui.add_dropdown("output / motor", names)
             self._plot = gui.add_uplot(
                 (self._view.omega / (2 * np.pi), empty, empty, empty),
@@ -154,7 +155,7 @@ class Controls:
                 scales={"x": uplot.Scale(time=False, distr=3), "y": uplot.Scale(distr=3)},
                 axes=(
                     uplot.Axis(label="frequency [Hz]"),
-                    uplot.Axis(size=75, label=f"|G| [{robot.output_units[0]}/(N m)]"),
+                    uplot.Axis(size=75, label=f"[{pretty_unit(robot.output_units[0])}/(N m)]"),
                 ),
                 aspect=1.2,
                 padding=(14, 12, 0, 0),  # the outermost ticks' numbers

@@ -1,5 +1,7 @@
 """What stands in the viewer's space: the robot, obstacles, candidates, the plan."""
 
+from typing import Literal
+
 import numpy as np
 import viser
 
@@ -10,7 +12,12 @@ from robotmodels.collision.surfaces import link_surfaces
 from robotmodels.common.arrays import Array
 
 _LINK, _THING, _VISIT = (150, 165, 185), (205, 150, 110), (214, 40, 90)
-_PLANE = 4.0  # edge of what is drawn of a plane [m]
+_PLANE = 3.0  # edge of what is drawn of a plane [m]
+_NEAR = 0.3  # distance of positions whose numbers would cover each other [m]
+_ANCHORS: tuple[Literal["top-left", "bottom-right", "bottom-left", "top-right"], ...] = (
+    *("top-left", "bottom-right"),
+    *("bottom-left", "top-right"),
+)
 _SMALL, _LARGE = 0.008, 0.03  # candidates without and with weight [m]
 PICKED = np.deg2rad(0.7)
 """Angle between a click and a point, seen from the camera, within which it is picked [rad]."""
@@ -110,8 +117,10 @@ def add_plan(server: viser.ViserServer, view: View) -> None:
     if view.study is None:
         return
     points = view.tool_points(view.study.plan.positions)
-    for number, point in enumerate(points, start=1):
-        server.scene.add_label(f"/plan/{number}", str(number), position=point)
+    for k, point in enumerate(points):
+        near = np.linalg.norm(points[:k] - point, axis=1) < _NEAR
+        anchor = _ANCHORS[near.sum() % len(_ANCHORS)]
+        server.scene.add_label(f"/plan/{k + 1}", str(k + 1), position=point, anchor=anchor)
     if len(points) > 1:
         paths = np.stack([points[:-1], points[1:]], axis=1)
         server.scene.add_line_segments("/plan/order", paths, _VISIT, thickness=0.006)
