@@ -254,6 +254,13 @@ def page(
     )
 
 
+def entry(term: str) -> str:
+    """Return the id of a term's entry in the glossary of a page."""
+    words = glossary()[term.lower()]
+    name = next(name for name, explained in glossary().items() if explained == words)
+    return "term-" + re.sub(r"\W+", "-", name.split(", ")[0])
+
+
 @cache
 def glossary() -> dict[str, str]:
     """Return explanations by term, in lower case."""
@@ -306,4 +313,5 @@ def _environment(html: bool) -> jinja2.Environment:
         keep_trailing_newline=not html,
     )
     environment.globals["explanation"] = lambda term: glossary()[term.lower()]
+    environment.globals["entry"] = entry
     return environment

@@ -187,6 +187,16 @@ def test_a_link_to_a_part_opens_it(browser, pages):
         assert page.locator("#runs").is_visible()
 
 
+def test_terms_lead_to_the_glossary_by_the_keyboard(browser, pages):
+    with open_page(browser, pages["study"], *DESKTOP) as (page, _):
+        entry = page.locator("#term-r-hat")
+        assert not entry.is_visible()
+        page.locator(".tiles a.term:has-text('R-hat')").focus()
+        page.keyboard.press("Enter")
+        entry.wait_for(state="visible")
+        assert "R-hat" in entry.text_content()
+
+
 def test_print_has_every_position_and_what_is_folded(study):
     study.emulate_media(media="print")
     panels = study.locator("section[aria-labelledby=responses] .choice")
