@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from browser import violations_of
 from conftest import drawn, oed
 
 ROOT = Path(__file__).parents[2]
@@ -193,5 +194,7 @@ def test_the_site_builds_without_warnings(tmp_path):
     )
     reference = (tmp_path / "site" / "api" / "uncertainty" / "index.html").read_text("utf-8")
     assert "$" not in re.sub(r"<(script|code|pre)\b.*?</\1>", "", reference, flags=re.DOTALL)
+    for name in ("index.html", "coming-from/index.html", "api/designs/index.html"):
+        assert violations_of(tmp_path / "site" / name) == []
     assert "<msup><mi>H</mi>" in reference  # of Theorem 1
     assert "<code>ndarray, (Q, n), rad</code>" in reference  # as it is written, no Python tuple
