@@ -22,6 +22,7 @@ _SCOUTING = 8
 _SCOUTED = 0.03
 # Of the tolerance: gaps that end the search, and excess that brings a candidate in.
 _CLOSED, _EXCESS = 0.5, 0.25
+_FEASIBLE = 0.3  # by which limits may be violated, of the tolerance
 # Of the condition: rounding in white matrices.
 _ROUNDING = 1e-15
 # For the few candidates at the end: the goal, of the tolerance, and multiplicative steps.
@@ -203,7 +204,12 @@ class _Search:
             rounds.append(_Round(self.active, few, changed, value, certificate))
             if certificate.gap <= _CLOSED * self.tolerance:
                 break
-        return min(rounds, key=_gap)
+        best, violation = min(rounds, key=_gap), few.violation(weights)
+        if violation <= _FEASIBLE * self.tolerance:
+            return best
+        # A value beyond the limits is no gap: rough answers are no end.
+        gap = max(best.certificate.gap, violation / _FEASIBLE)
+        return replace(best, certificate=replace(best.certificate, gap=gap))
 
     def _certified(self, answer: SolverAnswer, value: float) -> Certificate:
         if not np.isfinite([value, *(np.abs(W).max() for W in answer.witness)]).all():

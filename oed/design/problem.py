@@ -92,6 +92,12 @@ class ScaledProblem:
                 weights = np.where(row > 0, weights * (max(bound, 0.0) / taken), weights)
         return weights
 
+    def violation(self, weights: Array) -> float:
+        """Return by how much weights exceed rows, relative to their size, and caps, at most."""
+        sizes = np.maximum(np.abs(self.bounds), np.abs(self.rows).max(axis=1) * weights.sum())
+        rows = (self.rows @ weights - self.bounds) / sizes
+        return float(max(rows.max(initial=0.0), (weights - self.caps).max()))
+
 
 @dataclass(frozen=True, eq=False)
 class SolverAnswer:

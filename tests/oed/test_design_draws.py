@@ -15,6 +15,9 @@ from robotmodels import NotIdentifiable
 PERTURBATIONS = [0.0, 1e-13]
 VANISHING_SHARE = 570
 """One of two candidates is all that the optimum needs."""
+BEYOND_LIMITS = (154, 451, 575, 1729)
+"""Rough first answers of conic solvers lie outside equations, with values above the optimum's."""
+SEEDS = (VANISHING_SHARE, *BEYOND_LIMITS)
 WAYS = [("newton", "primal"), ("cvxpy", "primal"), ("cvxpy", "dual")]
 
 
@@ -24,7 +27,7 @@ def failures(outcomes):
 
 @pytest.mark.parametrize("perturbation", PERTURBATIONS)
 def test_draws(perturbation):
-    outcomes = [check_design(seed, perturbation) for seed in (*range(14), VANISHING_SHARE)]
+    outcomes = [check_design(seed, perturbation) for seed in (*range(14), *SEEDS)]
     assert not failures(outcomes)
 
 
