@@ -97,7 +97,7 @@ def test_records_are_fitted_but_for_what_is_held_out(measured):
     assert 'id="candidates"' not in page
     assert "no design was computed" in " ".join(page.split())
     # 5 positions, 4 blocks of 2 runs, 2 periods of 0.5 s are recorded.
-    assert re.search(r"robot time</abbr></dt><dd>≥ 40\ss<", page)
+    assert re.search(r"robot time</abbr></a></dt><dd>≥ 40\ss<", page)
     # Unchanged, nothing is computed again; other positions held out change what is fitted.
     code, out, _ = oed("fit", measured, "--workers", 1)
     assert code == 0

@@ -90,7 +90,7 @@ def test_singular_information_is_said_to_be_so():
     )
     assert np.isinf(found.std[:2]).all()
     assert np.isfinite(found.std[2:]).all()
-    assert found.weak() == ("k1^+0.71 k2^-0.71 is not known at all",)
+    assert found.weak() == ("k1^+0.71 k2^-0.71 is not determined",)
     assert found.advice[0].kind == "tie"
 
 

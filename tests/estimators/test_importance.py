@@ -18,7 +18,7 @@ def test_importance_sampling_agrees_with_emcee():
         found, rng=np.random.default_rng(0), progress=lambda done, total: told.append((done, total))
     )
     posterior = sample_posterior(
-        found, rng=np.random.default_rng(1), walkers=24, target=StoppingCriterion(ess=1500)
+        found, rng=np.random.default_rng(1), walkers=24, target=StoppingCriterion(ess=6000)
     )
     assert sample.trusted
     assert "trusted" in str(sample)

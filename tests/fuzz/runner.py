@@ -33,7 +33,7 @@ MEMORY = 2 << 30
 
 FILE_SIZE = 1 << 30
 
-LIBRARIES = """cvxpy clarabel iminuit emcee corner pyuff scipy.io mujoco pinocchio
+LIBRARIES = """cvxpy clarabel iminuit emcee pyuff scipy.io mujoco pinocchio
     reports.application oed.study.pipeline estimators.sampling.posterior reports.commands.schemas
     reports.summaries.study_summary reports.pages.study_page reports.pages.comparison
     reports.commands.init_files oed.replication.json_output reports.pages.replication_page
