@@ -213,6 +213,7 @@ def test_as_published_is_an_ordinary_study_of_other_settings(both):
     data = read_dataclass(stages / "data" / "result.h5", Data).estimate
     records = list(robotmodels.iterate_records(stages / "experiment" / "records.h5"))
     again = estimators.estimate_frf(records, "ari", structure="diagonal")
+    again = again.without_images(robot, records[0])
     np.testing.assert_allclose(data.response, again.response, rtol=1e-12)
     own = read_dataclass(study.output / "stages" / "data" / "result.h5", Data).estimate
     assert not np.allclose(own.response, data.response, rtol=1e-6)
@@ -244,7 +245,7 @@ def test_the_page_has_both_beside_the_paper(both):
         shares = found["estimators"][name], found["as_published"]["estimators"][name]
         for criterion in ("cost", "springs", "all_springs"):
             parts = [f"{100 * one['reasonable'][criterion]:.0f}" for one in shares]
-            assert parts in [re.findall(r"(\d+)\W*%", row)[:2] for row in table.split("<tr")]
+            assert parts in [re.findall(r">(\d+)<", row)[:2] for row in table.split("<tr")]
     assert 'id="figure-3-published"' in page
     assert "power \N{MINUS SIGN}1" in page
 

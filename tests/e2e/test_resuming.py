@@ -124,7 +124,7 @@ def test_killed_again_and_again_it_ends_with_the_same_results(small_study, tmp_p
         sample, [str(path)], folder, [16, 40, 53, 38, 6], libraries=LIBRARIES
     )
     stages = [place.removeprefix(f"{folder}/stages/").partition(".")[0] for place in places]
-    assert stages == ["information", "fit-lls", "comparison", "posterior", "posterior"]
+    assert {"information", "fit-lls", "posterior"} <= set(stages), stages
     assert {"candidates", "information", "design", "fit-lls", "fit-nls"} <= kept("sample", path)
     # Computed anew from the same seed, by other processes and in pieces: the same to the last bit.
     for name in (*JSON, "stages/information/information.h5"):

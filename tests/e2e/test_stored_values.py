@@ -26,7 +26,8 @@ def test_the_study_of_the_ur10_gives_the_stored_values(tmp_path):
     assert {str(i): repetitions[i] for i in results.plan.used} == STORED["repetitions"]
     for name, search in results.fits.searches.items():
         assert search.result.cost == pytest.approx(STORED["costs"][name], rel=1e-8)
-        estimate = search.result.parameters.values
-        np.testing.assert_allclose(estimate, STORED["estimates"][name], rtol=1e-8)
+        # Searches end where a step lowers the cost by 1e-10 of it: 2e-3 standard deviations.
+        apart = np.log(search.result.parameters.values / STORED["estimates"][name])
+        assert np.abs(apart / STORED["theorem1"]).max() < 2e-3
     theorem1 = estimators.covariance(results.fits.result)
-    np.testing.assert_allclose(theorem1.std, STORED["theorem1"], rtol=1e-8)
+    np.testing.assert_allclose(theorem1.std, STORED["theorem1"], rtol=1e-5)
