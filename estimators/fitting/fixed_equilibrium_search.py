@@ -296,9 +296,16 @@ class CorrectedModel:
         if shift is not None:
             self.shift = shift.gradient(network, self.kernel)
         self.cost = np.nan
+        self._last: tuple[Array, tuple[Array, Array]] | None = None
 
     def __call__(self, values: Array) -> tuple[Array, Array]:
         """Return residuals (p + 1,) and their Jacobian by ln theta at `values` (p,)."""
+        # Whether a start is far is asked before a search begins there.
+        if self._last is None or not np.array_equal(values, self._last[0]):
+            self._last = values.copy(), self._evaluated(values)
+        return self._last[1]
+
+    def _evaluated(self, values: Array) -> tuple[Array, Array]:
         normal = self.kernel.normal_equations(values)
         cost, gradient = self._corrected(values, normal.cost, normal.gradient)
         hessian, prior = normal.hessian, self.problem.prior
