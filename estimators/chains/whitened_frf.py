@@ -184,8 +184,7 @@ def prepared(
         response[None],
         guessed[None],
         np.ones(1, dtype=np.int64),
-        # One number stands for all positions.
-        np.nan if covariance is None else np.inf,  # type: ignore[arg-type]
+        np.array([np.nan if covariance is None else np.inf]),
     )
     return Data(estimate, np.zeros(response.shape), covariance is None, undamped)
 

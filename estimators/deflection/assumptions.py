@@ -85,9 +85,11 @@ def systematic_terms(
     counterbalance: float = 0.05,
     load_shift: float = 0.2,
 ) -> tuple[SystematicTerm, ...]:
-    """Return the systematic terms: half-widths of torque scale, masses and counterbalances,
-    the payload's place [m], filters of half and double the cut-off, and an encoder's eccentricity.
-    """  # noqa: D205
+    """Return the systematic terms.
+
+    Half-widths are those of torque scale, masses and counterbalances, and the payload's place [m];
+    other terms are filters of half and double the cut-off, and eccentricity of encoders.
+    """
     one: dict[str, dict[str, Any]] = {
         f"torque scale {torque_scale:.0%}": {"torque_scale": nominal.torque_scale + torque_scale},
         f"masses of links {link_mass:.0%}": {"link_mass": nominal.link_mass + link_mass},

@@ -17,27 +17,28 @@ from robotmodels.elastic.robot import ElasticRobot
 class JointHistories(Protocol):
     """Evenly sampled signals of joints, all on the joints' side of the gears.
 
-    Attributes
-    ----------
-    joints : tuple of str
-        Name of the motor or joint of each of the n columns.
-    sample_time : float, s
-        Sample time.
-    motor_angle, link_angle, motor_torque : ndarray, (N, n)
-        Motor angles over gear ratios [rad], angles behind the gears [rad], motor torques times gear
-        ratios [N m]; a column of NaN where there is no such sensor.
+    A column is NaN where there is no such sensor.
     """
 
     @property
-    def joints(self) -> tuple[str, ...]: ...  # noqa: D102
+    def joints(self) -> tuple[str, ...]:
+        """Name of the motor or joint of each of the n columns."""
+
     @property
-    def sample_time(self) -> float: ...  # noqa: D102
+    def sample_time(self) -> float:
+        """Sample time [s]."""
+
     @property
-    def motor_angle(self) -> Array: ...  # noqa: D102
+    def motor_angle(self) -> Array:
+        """Motor angles over gear ratios, (N, n) [rad]."""
+
     @property
-    def link_angle(self) -> Array: ...  # noqa: D102
+    def link_angle(self) -> Array:
+        """Angles behind the gears, (N, n) [rad]."""
+
     @property
-    def motor_torque(self) -> Array: ...  # noqa: D102
+    def motor_torque(self) -> Array:
+        """Motor torques times gear ratios, (N, n) [N m]."""
 
 
 @dataclass(frozen=True, eq=False)

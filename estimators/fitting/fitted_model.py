@@ -21,6 +21,9 @@ from robotmodels.linear.response import Elastic
 if TYPE_CHECKING:
     from robotmodels.elastic.robot import ElasticRobot
 
+# A factor two of Theorem 1's meat over its bread: variances of few blocks scatter by as much.
+SAME_WEIGHTS = np.log(2.0)
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FittedModel(ReprHtml, ABC):
@@ -135,6 +138,21 @@ class FittedModel(ReprHtml, ABC):
         bread, meat = self.problem.sandwich_parts(self.parameters.values)
         return read_only(bread), read_only(meat)
 
+    @property
+    def has_likelihood(self) -> bool:
+        """Whether exp(-cost) is a likelihood: whether the weights are those of the noise.
+
+        Then bread and meat of Theorem 1 are alike on average, in every parameter.
+        """
+        bread, meat = map(np.diag, self.sandwich_parts())
+        ratio = meat / np.where(bread > 0, bread, 1.0)
+        return bool((np.abs(np.log(np.where(ratio > 0, ratio, 1.0))) < SAME_WEIGHTS).all())
+
+    @property
+    def _mean_levels(self) -> Array | None:
+        """Fitted Coulomb friction of the motors, (n,) [N m]; None without."""
+        return None
+
     def intervals(self) -> tuple[Interval, ...]:
         """Return the recommended 95 % interval of each parameter, in SI units."""
         return self.trust.intervals
@@ -172,8 +190,8 @@ class FittedModel(ReprHtml, ABC):
             "data": self._data_in_words(),
             "fit": f"{what}, {'converged' if self.converged else 'not converged'}",
         }
-        values = self.parameters.values
-        return fitted_robot(self.model, values, trust or self.trust, provenance, covariance)
+        values, levels = self.parameters.values, self._mean_levels
+        return fitted_robot(self.model, values, trust or self.trust, provenance, covariance, levels)
 
     @abstractmethod
     def _data_in_words(self) -> str:

@@ -12,7 +12,7 @@ from robotmodels.description.parameters import Parameters
 from robotmodels.description.robot_file import Fitted
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.elastic.tool_response import underlying_robot
-from robotmodels.exports.robot_files import with_values
+from robotmodels.exports.robot_files import with_friction, with_values
 from robotmodels.library.robot_digest import robot_digest
 from robotmodels.linear.response import Elastic
 
@@ -23,6 +23,7 @@ def fitted_robot(
     trust: Trust,
     provenance: dict[str, str],
     covariance: Array | None = None,
+    levels: Array | None = None,
 ) -> ElasticRobot:
     """Return the robot of a fit with the fitted values, see `Fit.robot`.
 
@@ -38,6 +39,8 @@ def fitted_robot(
         What the fit rests on.
     covariance : ndarray, (p, p), optional
         Covariance of ln theta, whose correlations go along.
+    levels : ndarray, (n,), N m, optional
+        Fitted Coulomb friction of the motors, see `with_friction`.
 
     Raises
     ------
@@ -64,7 +67,8 @@ def fitted_robot(
             "verdict": trust.verdict.reason,
         },
     )
-    return with_values(model, values, fitted)
+    robot = with_values(model, values, fitted)
+    return robot if levels is None else with_friction(robot, levels)
 
 
 def _correlations(parameters: Parameters, names: list[str], covariance: Array) -> list[list[float]]:

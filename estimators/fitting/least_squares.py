@@ -253,11 +253,10 @@ def likelihood_fit(fit: RunFit) -> RunFit: ...
 def likelihood_fit(fit: Fit | RunFit) -> Fit | RunFit:
     """Return the fit repeated with the weights of the noise, from its own values.
 
-    That of runs is the same.
-
-    exp(-cost) of the result is the likelihood of the stated noise.
+    A fit with such weights, as of runs, is returned as it is. exp(-cost) of the result is the
+    likelihood of the stated noise.
     """
-    if isinstance(fit, RunFit):
+    if isinstance(fit, RunFit) or fit.has_likelihood:
         return fit
     return reweighted(fit, "optimal", rounds=2 if fit.kind.relative else 1)
 

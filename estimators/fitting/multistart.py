@@ -165,7 +165,7 @@ def multistart(
     outcomes = _all_searched(runs, points, early_stop, progress)
     fits = [as_fit(problem, point, outcomes[i]) for i, point in enumerate(points)]
     order = order_of_costs([one.cost for one in fits])
-    return tuple(fits[i] for i in order)  # type: ignore[return-value]
+    return tuple(fits[i] for i in order)  # type: ignore[return-value]  # alike, as the data are
 
 
 def order_of_costs(costs: Sequence[float] | Array) -> list[int]:

@@ -1,7 +1,6 @@
 """Fits to runs: any number of runs in a position, noise of inputs and outputs alike."""
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,11 +9,7 @@ from estimators.fitting.run_problem import SML, RunProblem
 from estimators.input_output.coulomb import CoulombPart
 from estimators.input_output.run_scatter import variance_factor
 from estimators.input_output.run_spectra import RunSpectra
-from estimators.trust.trust import Trust
 from robotmodels.common.arrays import Array, IntArray
-
-if TYPE_CHECKING:
-    from robotmodels.elastic.robot import ElasticRobot
 
 
 @dataclass(frozen=True)
@@ -68,6 +63,11 @@ class RunFit(FittedModel):
     def logarithmic(self) -> bool:
         """Whether residuals are logarithms: they are not."""
         return False
+
+    @property
+    def has_likelihood(self) -> bool:
+        """Whether exp(-cost) is a likelihood: it is."""
+        return True
 
     @property
     def problem(self) -> RunProblem:
@@ -134,18 +134,12 @@ class RunFit(FittedModel):
         inflation = max(self.cost / self.expected_cost, 1.0)
         return np.asarray(inflation * total / np.maximum(np.outer(count, count), 1))
 
-    def robot(self, trust: Trust | None = None, covariance: Array | None = None) -> "ElasticRobot":
-        """Return the robot with the fitted values, and the mean levels of friction if fitted.
-
-        Arguments and errors as of `FittedModel.robot`.
-        """
-        from robotmodels.exports.robot_files import with_friction
-
-        robot = super().robot(trust, covariance)
+    @property
+    def _mean_levels(self) -> Array | None:
+        """Means over positions of the levels of friction, (n,) [N m], if fitted."""
         if self.coulomb is None:
-            return robot
-        levels = np.ma.masked_invalid(self.coulomb).mean(axis=0)
-        return with_friction(robot, np.ma.filled(levels, np.nan))
+            return None
+        return np.asarray(np.ma.filled(np.ma.masked_invalid(self.coulomb).mean(axis=0), np.nan))
 
     @property
     def expected_cost(self) -> float:

@@ -106,10 +106,9 @@ class FrfEstimate(ReprHtml):
     response: ComplexArray
     covariance: Array | ComplexArray
     repetitions: IntArray
-    # One number stands for all positions, a sequence for an array: arrays from __post_init__ on.
-    degrees_of_freedom: Array = np.inf  # type: ignore[assignment]
+    degrees_of_freedom: Array = np.inf  # type: ignore[assignment]  # an array after __post_init__
     deviations: ComplexArray | None = None
-    line_correlation: Array = ()  # type: ignore[assignment]
+    line_correlation: Array = ()  # type: ignore[assignment]  # an array after __post_init__
 
     def __post_init__(self) -> None:
         positions = real_numbers(self.positions, "positions")

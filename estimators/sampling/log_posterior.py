@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from robotmodels.kernel import FitKernel
 
 
-# A factor two of Theorem 1's meat over its bread: variances of few blocks scatter by as much.
-SAME_WEIGHTS = np.log(2.0)
 # Matrix entries solved in one call when small systems are evaluated for many walkers.
 BATCH = 2**20
 
@@ -221,17 +219,6 @@ def posterior_density(
     if scale is None:
         scale = fit.problem.likelihood_scale(fit.parameters.values) if noise == "known" else 1.0
     return log_posterior(fit, Noise(noise, float(scale)), prior or fit.prior)
-
-
-def has_noise_weights(fit: FittedModel) -> bool:
-    """Tell whether exp(-cost) is a likelihood: whether the weights are those of the noise.
-
-    Known by Theorem 1: bread and meat are alike on average then, in every parameter.
-    """
-    bread, meat = fit.sandwich_parts()
-    size = np.sqrt(np.where(np.diag(bread) > 0, np.diag(bread), 1.0))
-    ratio = np.diag(meat) / size**2
-    return bool((np.abs(np.log(np.where(ratio > 0, ratio, 1.0))) < SAME_WEIGHTS).all())
 
 
 def batched_frequency_response(

@@ -127,11 +127,6 @@ class MonteCarlo(ReprHtml):
         """Mean error of ln theta, (p,)."""
         return np.asarray(self.estimates.mean(axis=0) - np.log(self.truth))
 
-    @property
-    def bias_error(self) -> Array:
-        """Standard error of the bias, (p,)."""
-        return np.asarray(self.uncertainty().std / np.sqrt(len(self.estimates)))
-
     def covered(self, method: str) -> BoolArray:
         """Return whose interval holds the truth, (N, p)."""
         ends = self.intervals[:, self._index(method)]

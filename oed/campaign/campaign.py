@@ -30,7 +30,6 @@ from oed.study.stage_cache import open_stages
 from robotmodels import ElasticRobot, load_robot
 from robotmodels.common.errors import InvalidInput, naming
 from robotmodels.common.progress import StageProgress
-from robotmodels.exports.robot_files import with_friction
 from robotmodels.library.robot_digest import robot_digest
 
 
@@ -141,10 +140,10 @@ class Campaign:
             If no body can have the fitted inertia.
         """
         data = {"data": f"campaign, cost {latest.cost:.3g} times its expectation"}
-        robot = fitted_robot(self.robot, latest.values, latest.trust, data, latest.covariance)
-        if not latest.friction:
-            return robot
-        return with_friction(robot, np.array([one.level for one in latest.friction]))
+        levels = np.array([one.level for one in latest.friction]) if latest.friction else None
+        return fitted_robot(
+            self.robot, latest.values, latest.trust, data, latest.covariance, levels
+        )
 
     @contextmanager
     def _evaluation(self, progress: StageProgress | None = None) -> Iterator[Evaluation]:

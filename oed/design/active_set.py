@@ -204,11 +204,11 @@ class _Search:
             rounds.append(_Round(self.active, few, changed, value, certificate))
             if certificate.gap <= _CLOSED * self.tolerance:
                 break
-        best, violation = min(rounds, key=_gap), few.violation(weights)
-        if violation <= _FEASIBLE * self.tolerance:
+        best, over = min(rounds, key=_gap), few.violation(weights)
+        if over <= _FEASIBLE * self.tolerance:
             return best
         # A value beyond the limits is no gap: rough answers are no end.
-        gap = max(best.certificate.gap, violation / _FEASIBLE)
+        gap = max(best.certificate.gap, over / _FEASIBLE)
         return replace(best, certificate=replace(best.certificate, gap=gap))
 
     def _certified(self, answer: SolverAnswer, value: float) -> Certificate:

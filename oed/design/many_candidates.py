@@ -28,25 +28,7 @@ def solve_by_size(
 ) -> Design:
     """Return the design of `solve`, of very many candidates by pools where only a budget limits.
 
-    Parameters
-    ----------
-    problem : DesignProblem
-        What is maximised.
-    tolerance : float
-        Gap that ends the search.
-    max_rounds : int
-        Largest number of active sets, and of pools.
-    solvers : sequence of DesignSolver
-        Solvers of the active sets.
-
-    Raises
-    ------
-    InvalidInput
-        As `solve`.
-    NotIdentifiable
-        As `solve`.
-    SolverFailed
-        As `solve`.
+    Arguments and errors as there; `max_rounds` limits the pools too.
     """
     allowed, candidates = problem.allowed, problem.candidates
     limited = len(allowed.rows) > 1 or bool(np.isfinite(allowed.upper).any())

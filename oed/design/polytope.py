@@ -49,12 +49,8 @@ class Polytope:
         return np.asarray(self.bounds - self.rows @ self.lower)
 
     def violation(self, weights: Array) -> float:
-        """Return the largest violation of a row or limit, relative to its size."""
-        over = (self.rows @ weights - self.bounds) / np.maximum(np.abs(self.bounds), 1e-12)
-        limited = np.isfinite(self.upper)
-        above = (weights - self.upper)[limited] / np.maximum(self.upper[limited], 1e-12)
-        below = (self.lower - weights) / np.maximum(self.lower, weights.max(initial=1e-12))
-        return float(max(over.max(), above.max(initial=0.0), below.max()))
+        """Return the largest violation of a row or limit, see `violation`."""
+        return violation(self.rows, self.bounds, self.lower, self.upper, weights)
 
     def upper_bound(self, coefficients: Array, multipliers: Array | None = None) -> float:
         """Return an upper bound on c'w over all allowed w; the largest itself if m = 1.
@@ -164,6 +160,20 @@ class Polytope:
         before = np.concatenate([[0.0], np.cumsum(demand)[:-1]]) if len(order) else demand
         weights[order] += np.minimum(demand, np.maximum(slack - before, 0.0)) / cost[order]
         return weights
+
+
+def violation(rows: Array, bounds: Array, lower: Array, upper: Array, weights: Array) -> float:
+    """Return by how much weights violate a row or limit at most, relative to its size.
+
+    That is its bound, or what all weights on its largest entry would use, so that rounding is small
+    at bounds of zero too; negative where all are met with room.
+    """
+    total = float(weights.sum()) or 1.0
+    sizes = np.maximum(np.abs(bounds), np.abs(rows).max(axis=1) * total)
+    over = (rows @ weights - bounds) / np.where(sizes > 0, sizes, 1.0)
+    above = (weights - upper) / total
+    below = (lower - weights) / np.maximum(lower, total)
+    return float(max(over.max(), above.max(), below.max()))
 
 
 def _linear_program(

@@ -16,19 +16,21 @@ from robotmodels.common.errors import InvalidInput, nearest
 class ResidualForm(Protocol):
     """A residual g(measured) - g(modelled) with an analytic function g of an FRF's elements.
 
-    `name` is what results call it. `relative` says whether g divides by the FRF or takes its
-    logarithm: elements below 10 dB are then left out by named weights, which are evaluated once
-    more at the FRF of the fit. `real` says whether only the real part counts.
+    Where it is relative, named weights leave out elements below 10 dB and are evaluated once more
+    at the FRF of the fit.
     """
 
     @property
-    def name(self) -> str: ...  # noqa: D102
+    def name(self) -> str:
+        """What results call it."""
 
     @property
-    def relative(self) -> bool: ...  # noqa: D102
+    def relative(self) -> bool:
+        """Whether g divides by the FRF or takes its logarithm."""
 
     @property
-    def real(self) -> bool: ...  # noqa: D102
+    def real(self) -> bool:
+        """Whether only the real part counts."""
 
     def difference(self, measured: ComplexArray, modelled: ComplexArray) -> ComplexArray:
         """Return the residual, of the FRFs' shape."""

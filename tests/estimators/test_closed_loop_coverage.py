@@ -57,7 +57,7 @@ def test_a_closed_loop_can_be_repeated():
     found = series(ClosedLoop(), 12)
     assert not found.failures
     assert found.overall("theorem1") > 0.7
-    assert (np.abs(found.bias) < 5 * found.bias_error).all()
+    assert (np.abs(found.bias) < 5 * found.uncertainty().std / np.sqrt(12)).all()
 
 
 def test_a_nonlinear_loop_is_flagged():

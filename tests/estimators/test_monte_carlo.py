@@ -47,7 +47,7 @@ def test_intervals_cover_the_truth_on_a_right_model(right):
         assert 0.87 < right.overall(method) < 0.995, method
     assert not right.failures
     assert right.uncertainty().std == pytest.approx(right.stds[:, 0].mean(axis=0), rel=0.4)
-    assert (np.abs(right.bias) < 4 * right.bias_error).all()
+    assert (np.abs(right.bias) < 4 * right.uncertainty().std / np.sqrt(16)).all()
     assert "16 experiments, 0 without an answer" in str(right)
 
 
@@ -89,7 +89,7 @@ def test_weights_may_be_numbers():
 def test_a_model_error_ends_coverage_and_is_flagged(plain):
     found = series(WRONG, runs=12)
     assert found.overall("theorem1") < 0.6
-    assert np.abs(found.bias / found.bias_error).max() > 10
+    assert np.abs(found.bias / found.uncertainty().std).max() > 10 / np.sqrt(12)
     one = fit(CHAIN, WRONG(np.random.default_rng(9)), "nls", "optimal")
     table = cross_check(one, monte_carlo=found)
     assert set(table.verdicts) == {"model error"}

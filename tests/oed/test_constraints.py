@@ -111,6 +111,31 @@ def test_limits_are_met_to_rounding_whatever_the_solver_takes_for_met(seed):
     assert 0 <= design.gap <= 1e-6
 
 
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
+def test_rounding_at_bounds_of_zero_is_no_violation(scale):
+    """Nor is it at limits of zero; a real excess is one at any scale, also beyond a small bound."""
+    zero, free = np.zeros(3), np.full(3, np.inf)
+    rows, bounds = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, 0.0]]), np.array([1.0, 0.0])
+    weights = scale * np.array([0.2, 0.2, 0.6])
+    weights[0] = np.nextafter(weights[0], np.inf)
+    assert rows[1] @ weights > 0
+
+    def violation(weights, bounds=bounds, upper=free, lower=zero):
+        allowed = Polytope(rows, scale * bounds, scale * lower, scale * upper, ("sum", "pair"))
+        return allowed.violation(weights)
+
+    assert violation(weights) < 1e-15
+    assert violation(weights - scale * np.array([0, 1e-3, 0])) == pytest.approx(1e-3, rel=2e-3)
+    assert violation(weights, bounds=np.array([0.99, 0.0])) == pytest.approx(0.01)
+    assert violation(weights, upper=np.array([0.3, 0.3, 0.59])) == pytest.approx(0.01)
+    assert violation(weights, lower=np.array([0.2, 0.21, 0.0])) == pytest.approx(0.01)
+    assert violation(scale * np.array([0.0, 0.0, 1e-17]), upper=np.array([1.0, 1.0, 0.0])) > 0.5
+    tiny = scale * np.array([0.2, 0.2, 1e-17])
+    assert violation(tiny, upper=np.array([1.0, 1.0, 0.0])) < 1e-15
+    assert violation(zero) <= 0
+    assert violation(zero, lower=np.array([0.0, 0.1, 0.0])) > 0
+
+
 def check_obeyed(constraints, w):
     slack = 1e-6
     assert w.min() >= 0

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from estimators.fitting.fitted_model import FittedModel
+from estimators.fitting.least_squares import likelihood_fit
 from estimators.sampling.importance_sampling import ImportanceSample, importance_sample
 from estimators.sampling.posterior import Posterior
 from estimators.sampling.profile_likelihood import Profile
@@ -16,7 +17,6 @@ from estimators.validation.monte_carlo import MonteCarlo
 from oed.plan_comparison.plan_comparison import PlanComparison
 from oed.study.stage_cache import Stage, dataclass_files
 from oed.study.stages.fit import Search
-from oed.study.stages.posterior import likelihood_of
 from oed.study.stages.profiles import Profiles
 from oed.study.stages.result import SelectedFit
 from oed.study.stages.run import Run
@@ -97,7 +97,7 @@ def importance(run: Run, result: Stage[SelectedFit]) -> Stage[Importance]:
     def compute(folder: Path, report: Progress | None) -> Importance:
         rng = run.rng("importance")
         return Importance(
-            importance_sample(likelihood_of(fit), rng=rng, progress=report), fit.trust
+            importance_sample(likelihood_fit(fit), rng=rng, progress=report), fit.trust
         )
 
     inputs = {"robot": run.robot_digest, "result": result.digest, **run.settings("seed")}

@@ -13,7 +13,7 @@ from estimators.fitting.run_fit import RunFit
 from estimators.sampling.convergence import StoppingCriterion
 from estimators.sampling.posterior import Posterior, check_sizes, sample_posterior
 from oed.study.stage_cache import Stage, dataclass_files
-from oed.study.stages.residuals import FitResiduals, has_likelihood
+from oed.study.stages.residuals import FitResiduals
 from oed.study.stages.result import SelectedFit
 from oed.study.stages.run import Run
 from robotmodels.common.errors import InvalidInput
@@ -45,7 +45,7 @@ def posterior(run: Run, result: Stage[SelectedFit]) -> Stage[Posterior]:
     The density is exp(-V), V the cost with the noise's weights; a result with other weights is
     fitted once more with these.
     """
-    return _sampled(run, result, "posterior", likelihood_of)
+    return _sampled(run, result, "posterior", likelihood_fit)
 
 
 def cost_posterior(
@@ -53,14 +53,9 @@ def cost_posterior(
 ) -> Stage[Posterior] | None:
     """Return draws by the result's cost, if its weights are not those of the noise."""
     fit = result.value.fit
-    if has_likelihood(fit) if residuals is None else residuals.noise_weights:
+    if fit.has_likelihood if residuals is None else residuals.noise_weights:
         return None
     return _sampled(run, result, "cost-posterior", lambda fit: fit)
-
-
-def likelihood_of(fit: Fit | RunFit) -> Fit | RunFit:
-    """Return the fit whose cost is the likelihood: itself if its weights are the noise's."""
-    return fit if has_likelihood(fit) else likelihood_fit(fit)
 
 
 def _sampled(

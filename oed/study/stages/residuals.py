@@ -4,8 +4,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from estimators.fitting.fitted_model import FittedModel
-from estimators.fitting.run_fit import RunFit
-from estimators.sampling.log_posterior import has_noise_weights
 from estimators.trust.linearised_fit import LinearisedFit
 from estimators.uncertainty.identifiability import fit_information
 from estimators.uncertainty.residual_analysis import LAGS, ResidualAnalysis, residual_analysis
@@ -46,13 +44,8 @@ class FitResiduals:
             analysed(fit, linear),
             standardised_residuals(fit, linear),
             fit_information(fit, linear),
-            has_likelihood(fit),
+            fit.has_likelihood,
         )
-
-
-def has_likelihood(fit: FittedModel) -> bool:
-    """Tell whether a fit's cost is a likelihood: whether its weights are those of the noise."""
-    return isinstance(fit, RunFit) or has_noise_weights(fit)
 
 
 def analysed(fit: FittedModel, linear: LinearisedFit) -> ResidualAnalysis:
