@@ -3,7 +3,8 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from estimators.fitting.priors import Prior
 from estimators.frf.frf_estimate import FrfEstimate
 from estimators.input_output.run_spectra import RunSpectra
 from estimators.trust.linearised_fit import LinearisedFit, Lines
-from robotmodels.common.arrays import Array, ComplexArray, IntArray
+from robotmodels.common.arrays import Array, ComplexArray, IntArray, read_only
 from robotmodels.common.errors import InvalidInput, SolverFailed
 from robotmodels.description.parameters import Parameters
 from robotmodels.linear.response import Elastic, sensitivity
@@ -25,6 +26,9 @@ Measured = FrfEstimate | RunSpectra
 
 Derived = tuple[ComplexArray, ComplexArray]
 """FRF of the model (Q, F, m, n) and its derivatives by ln theta, (Q, F, m, n, p)."""
+
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -125,9 +129,13 @@ class FitProblem(ABC):
         `values` (w, p) are the parameters they are of.
         """
 
+    def linearise(self, values: Array) -> LinearisedFit:
+        """Return the fit about its solution `values` (p,); the latest one stays."""
+        return self._memoised("linearised", values, self._linearised)
+
     @abstractmethod
-    def linearise(self, values: Array, at: Derived | None = None) -> LinearisedFit:
-        """Return the fit about its solution `values` (p,), where the model is `at` if known."""
+    def _linearised(self, values: Array) -> LinearisedFit:
+        """Return the fit about its solution `values` (p,)."""
 
     @abstractmethod
     def by_output(self, values: Array) -> Array:
@@ -170,8 +178,32 @@ class FitProblem(ABC):
         return real_rows(error, slope, self.prior, self.names, values, real=self.real)
 
     def derived(self, values: Array) -> Derived:
-        """Return the model's FRF and its derivatives at `values` (p,)."""
-        return sensitivity(self.model, self.positions, self.omega, values, equilibrium_shift=True)
+        """Return the model's FRF and its derivatives at `values` (p,); the latest stay."""
+        return self._memoised("derived", values, self._derived)
+
+    def _derived(self, values: Array) -> Derived:
+        G, J = sensitivity(self.model, self.positions, self.omega, values, equilibrium_shift=True)
+        return read_only(G), read_only(J)
+
+    def _memoised(self, name: str, values: Array, compute: Callable[[Array], T]) -> T:
+        """Return what is computed at `values` (p,), of which the latest stay: much is asked there.
+
+        Safe in threads, which may compute the same twice.
+        """
+        key = values.tobytes()
+        latest = self._latest.pop(name, None)
+        if latest is None or latest[0] != key:
+            latest = key, compute(values)
+        self._latest[name] = latest
+        return latest[1]
+
+    @cached_property
+    def _latest(self) -> dict[str, tuple[bytes, Any]]:
+        return {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        # What is computed again in less time than it travels to another process.
+        return {name: value for name, value in self.__dict__.items() if name != "_latest"}
 
     def checked_start(self, start: Array | None) -> Array:
         """Return `checked_start` within the bounds."""

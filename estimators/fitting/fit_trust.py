@@ -2,10 +2,10 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from estimators.fitting.fit_problem import FitProblem
 from estimators.fitting.residuals import loss_factors
 from estimators.frf.repeated_visits import visits_of
 from estimators.trust.directed_tests import Directions
@@ -21,29 +21,24 @@ from robotmodels.elastic.extra_elements import extra_elements
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.linear.response import Elastic, frequency_response, sensitivity
 
+if TYPE_CHECKING:
+    from estimators.fitting.fitted_model import FittedModel
+
 _MOST = 500.0  # logarithm of an interval that tells nothing
 
 
-def fit_trust(problem: FitProblem, values: Array, converged: bool) -> Trust:
-    """Return the recommended intervals and the verdict, by the rule of `estimators.trust.rule`.
-
-    Parameters
-    ----------
-    problem : FitProblem
-        Problem of the fit.
-    values : ndarray, (p,), SI
-        Parameters where its search ended.
-    converged : bool
-        Whether that is a local minimum.
-    """
+def fit_trust(fit: "FittedModel") -> Trust:
+    """Return the recommended intervals and the verdict, by the rule of `estimators.trust.rule`."""
+    problem, values = fit.problem, fit.parameters.values
     at = problem.derived(values)
     directions = model_directions(
         problem.model, problem.positions, problem.omega, values, at, problem.changes(values, at)
     )
     evidence = gather_evidence(
-        problem.linearise(values, at),
+        fit.linearise(),
         directions,
-        converged=converged,
+        fit.misfit,
+        converged=fit.converged,
         has_degrees_of_freedom=problem.has_degrees_of_freedom,
     )
     slope, square = loss_factors(problem.loss)

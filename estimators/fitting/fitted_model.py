@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from estimators.fitting.fit_problem import FitProblem
 from estimators.fitting.priors import Prior
 from estimators.trust.intervals import Interval, Verdict
 from estimators.trust.linearised_fit import LinearisedFit
+from estimators.trust.rule import Misfit, find_misfit
 from estimators.trust.trust import Trust
 from robotmodels.common.arrays import Array, read_only
 from robotmodels.common.errors import SolverFailed
@@ -116,11 +117,16 @@ class FittedModel(ReprHtml, ABC):
         self._check_begun("intervals")
         from estimators.fitting.fit_trust import fit_trust  # loads Pinocchio, which a fit may spare
 
-        return fit_trust(self.problem, self.parameters.values, self.converged)
+        return fit_trust(self)
 
     def linearise(self) -> LinearisedFit:
         """Return residuals, Jacobian and noise at the fitted values."""
         return self.problem.linearise(self.parameters.values)
+
+    @cached_property
+    def misfit(self) -> Misfit:
+        """How large the residuals are, and how correlated along the lines."""
+        return find_misfit(self.linearise())
 
     def sandwich_parts(self) -> tuple[Array, Array]:
         """Return bread and meat of the covariance, (p, p), see `FitProblem.sandwich_parts`.
@@ -204,6 +210,10 @@ class FittedModel(ReprHtml, ABC):
     def _warnings(self) -> list[str]:
         """Return what is wrong with the data."""
         return []
+
+    def __getstate__(self) -> dict[str, Any]:
+        # The problem holds the data once more, and what was computed with them.
+        return {name: value for name, value in self.__dict__.items() if name != "problem"}
 
     def _check_begun(self, what: str) -> None:
         if not np.isfinite(self.cost):

@@ -120,9 +120,8 @@ class FrfProblem(FitProblem):
         error = self.kind.error(self.data.response, response, self.used)
         return line_squares(self.root, error)
 
-    def linearise(self, values: Array, at: Derived | None = None) -> LinearisedFit:
-        """Return the fit about its solution `values` (p,)."""
-        return linearise(self, values, at)
+    def _linearised(self, values: Array) -> LinearisedFit:
+        return linearise(self, self.derived(values))
 
     def by_output(self, values: Array) -> Array:
         """Return numbers of a line's elements (m n,) as the matrix (m, n)."""

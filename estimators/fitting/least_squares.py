@@ -65,7 +65,7 @@ class Fit(FittedModel):
         """The residual with its derivative and noise."""
         return find_residual(self.custom_residual or self.residual)
 
-    @property
+    @cached_property
     def problem(self) -> FrfProblem:
         """The problem that the fit is the end of."""
         return FrfProblem(

@@ -11,26 +11,23 @@ from estimators.fitting.residuals import Residual
 from estimators.fitting.weight_choice import line_shares
 from estimators.frf.frf_estimate import is_full, vec
 from estimators.trust.linearised_fit import LinearisedFit, Lines
-from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.common.arrays import ComplexArray
 
 if TYPE_CHECKING:
     from estimators.fitting.frf_problem import FrfProblem
 
 
-def linearise(problem: "FrfProblem", values: Array, at: Derived | None = None) -> LinearisedFit:
+def linearise(problem: "FrfProblem", at: Derived) -> LinearisedFit:
     """Return a fit about its solution.
 
     Parameters
     ----------
     problem : FrfProblem
         Problem of the fit.
-    values : ndarray, (p,), SI
-        Parameters of the solution.
-    at : tuple, optional
-        FRF at the fit, (Q, F, m, n), and its derivatives with respect to ln theta, (Q, F, m, n, p);
-        computed where None.
+    at : tuple
+        FRF at the solution, (Q, F, m, n), and its derivatives by ln theta, (Q, F, m, n, p).
     """
-    response, jacobian = problem.derived(values) if at is None else at
+    response, jacobian = at
     estimate, kind, used = problem.data, problem.kind, problem.used
     weights = problem.weights
     slopes = -kind.jacobian(response, jacobian, used)

@@ -1,6 +1,7 @@
 """Fits to runs: any number of runs in a position, noise of inputs and outputs alike."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -69,7 +70,7 @@ class RunFit(FittedModel):
         """Whether exp(-cost) is a likelihood: it is."""
         return True
 
-    @property
+    @cached_property
     def problem(self) -> RunProblem:
         """The problem that the fit is the end of."""
         return RunProblem(

@@ -168,9 +168,9 @@ class RunProblem(FitProblem):
             white = self.likelihood.errors(response).whitened
         return np.asarray(white.real**2 + white.imag**2)
 
-    def linearise(self, values: Array, at: Derived | None = None) -> LinearisedFit:
+    def _linearised(self, values: Array) -> LinearisedFit:
         """Return the fit about its solution; its elements are the whitened outputs of all runs."""
-        G, J = self.derived(values) if at is None else at
+        G, J = self.derived(values)
         errors, freedom = self.errors(values, G), self.data.degrees_of_freedom
         q, f, m, runs = errors.whitened.shape
         ones, size = np.ones((q, f, m * runs)), expected_square(freedom, self.rows)
@@ -232,7 +232,7 @@ class RunProblem(FitProblem):
         second, and sampled covariances enlarge it by `variance_factor`.
         """
         at = self.derived(values)
-        fit = self.linearise(values, at)
+        fit = self.linearise(values)
         scattered = input_scatter(self.likelihood, self.errors(values, at[0]), at[1])
         bread = products(fit.jacobian, fit.jacobian) - products(scattered, scattered)
         if fit.covariance.ndim == 4:

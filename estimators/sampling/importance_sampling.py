@@ -1,13 +1,13 @@
 """Importance sampling of a posterior: a cheap second opinion that says whether to believe it."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from estimators.fitting.fitted_model import FittedModel
 from estimators.fitting.priors import Prior
 from estimators.sampling.log_posterior import posterior_density
+from estimators.sampling.pareto_smoothing import pareto_smoothed
 from estimators.sampling.student_t_proposal import DOF, laplace
 from estimators.uncertainty.covariance import Uncertainty
 from robotmodels.common.arrays import Array, check_level, read_only
@@ -147,29 +147,20 @@ def importance_sample(
 
 
 def smoothed(raw: Array) -> tuple[Array, float]:
-    """Return Pareto smoothed log weights (N,), normalised, and Pareto k, by arviz-stats.
+    """Return Pareto smoothed log weights (N,), normalised, and Pareto k.
 
     Raises
     ------
     SolverFailed
         If no weight is positive.
     """
-    from arviz_stats.base.array import array_stats
-
     positive = np.isfinite(raw)
     if not positive.any():
         raise SolverFailed(
             "importance sampling: no draw has a finite cost; the posterior is far from normal, "
             "sample it with emcee"
         )
-    statistics: Any = array_stats  # has no types
     # Draws outside the support have no weight and no part in the tail.
-    with np.errstate(all="ignore"):
-        log_weights, k = statistics.psislw(-raw[positive])
-    if not np.isfinite(log_weights).all():
-        # The tail's weights vanish beside the largest: no Pareto law fits them, and arviz-stats
-        # returns the prior's k, near zero.
-        log_weights, k = raw[positive], np.inf
     result = np.full(len(raw), -np.inf)
-    result[positive] = log_weights - np.logaddexp.reduce(log_weights)
-    return result, float(k)
+    result[positive], k = pareto_smoothed(raw[positive])
+    return result, k

@@ -134,7 +134,7 @@ class _Linear:
 
 
 def _linear(problem: FitProblem, values: Array, at: Derived) -> _Linear:
-    fit = problem.linearise(values, at)
+    fit = problem.linearise(values)
     # Residuals show the model's errors beside the noise: here they are no estimate of it.
     estimated = fit.deviations is not None or len(fit.line_correlation) > 0
     correlation = find_correlation(fit) if estimated else white_errors(len(problem.omega))

@@ -81,20 +81,43 @@ class Evidence:
         return self.size.too_large
 
 
+@dataclass(frozen=True, eq=False)
+class Misfit:
+    """Residuals beside the noise.
+
+    Attributes
+    ----------
+    correlation : LineCorrelation
+        Correlation of the errors along the lines.
+    size : ResidualSize
+        Size of the residuals.
+    """
+
+    correlation: LineCorrelation
+    size: ResidualSize
+
+
+def find_misfit(fit: LinearisedFit) -> Misfit:
+    """Return how residuals lie beside the noise."""
+    correlation = find_correlation(fit)
+    return Misfit(correlation, residual_size(fit, correlation))
+
+
 def gather_evidence(
     fit: LinearisedFit,
     directions: Directions,
+    misfit: Misfit | None = None,
     *,
     converged: bool = True,
     has_degrees_of_freedom: bool = True,
 ) -> Evidence:
-    """Compute everything that `judge` looks at."""
-    correlation = find_correlation(fit)
+    """Compute everything that `judge` looks at; `misfit` is that of the fit, if known."""
+    misfit = misfit or find_misfit(fit)
+    correlation, size = misfit.correlation, misfit.size
     scatter = line_scatter(fit, fit.rows, correlation)
     scatter = with_prior(fit, scatter)
     open_variances = np.where(fit.undetermined, np.inf, scatter.variance)
     scatter = replace(scatter, variance=open_variances)
-    size = residual_size(fit, correlation)
     std = np.sqrt(scatter.variance)
     expected = size.expected if size.too_large else None
     tests = directed_tests(fit, directions, correlation, std, expected)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators.fitting.fitted_model import FittedModel
-from estimators.trust.linearised_fit import LinearisedFit
 from robotmodels.common.arrays import Array, read_only
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.printing import ReprHtml
@@ -155,18 +154,17 @@ def identifiability(
     )
 
 
-def fit_information(fit: FittedModel, linear: LinearisedFit | None = None) -> Array:
+def fit_information(fit: FittedModel) -> Array:
     """Return the information on ln theta at a fit, (p, p), its prior included.
 
-    That of the noise's weights, whatever weights the fit has. `linear` is what `fit.linearise`
-    returns, where the caller has it.
+    That of the noise's weights, whatever weights the fit has.
 
     Raises
     ------
     SolverFailed
         If the fit has no finite cost.
     """
-    linear = linear or fit.linearise()
+    linear = fit.linearise()
     flat = linear.jacobian.reshape(-1, len(linear.names))
     weighted = linear.noise_weights.reshape(-1, 1) * flat
     return np.asarray(2 * (np.conj(flat).T @ weighted).real + linear.prior)

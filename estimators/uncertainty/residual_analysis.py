@@ -13,8 +13,6 @@ from estimators.trust.line_correlation import (
     lagged_products,
 )
 from estimators.trust.linearised_fit import LinearisedFit, Lines
-from estimators.trust.residual_size import residual_size
-from estimators.trust.rule import find_correlation
 from robotmodels.common.arrays import IMPROBABLE, Array, IntArray
 from robotmodels.common.errors import InvalidInput, SolverFailed
 from robotmodels.common.printing import ReprHtml
@@ -79,9 +77,7 @@ class ResidualAnalysis(ReprHtml):
         return "\n".join(lines)
 
 
-def residual_analysis(
-    fit: FittedModel, lags: int = LAGS, linear: LinearisedFit | None = None
-) -> ResidualAnalysis:
+def residual_analysis(fit: FittedModel, lags: int = LAGS) -> ResidualAnalysis:
     """Return what a fit leaves unexplained, in units of the noise.
 
     Whatever the fit's weights, its residuals are judged by the noise of the estimate, with the
@@ -91,8 +87,6 @@ def residual_analysis(
     ----------
     lags : int
         Neighbouring frequencies over which the autocorrelation is reported.
-    linear : LinearisedFit, optional
-        What `fit.linearise` returns, where the caller has it.
 
     Raises
     ------
@@ -107,12 +101,12 @@ def residual_analysis(
     frequencies = len(problem.omega)
     if not 1 <= lags < max(frequencies, 2):  # a single line has no neighbour
         raise InvalidInput(f"lags: {lags} for {frequencies} frequencies; 1 to F - 1 are possible")
-    linear = linear or fit.linearise()
+    linear = fit.linearise()
     if linear.data <= len(linear.names):
         raise InvalidInput(
             f"residuals: {linear.data} data for {len(linear.names)} parameters leave none"
         )
-    size = residual_size(linear, correlation := find_correlation(linear))
+    size, correlation = fit.misfit.size, fit.misfit.correlation
     square = linear.noise_weights * np.abs(linear.residuals) ** 2
     each = linear.noise_weights * linear.element_variances * (size.expected / _stated(linear))
     visits = visits_of(problem.positions)

@@ -3,11 +3,10 @@
 import numpy as np
 
 from estimators.fitting.fitted_model import FittedModel
-from estimators.trust.linearised_fit import LinearisedFit
 from robotmodels.common.arrays import Array
 
 
-def standardised_residuals(fit: FittedModel, linear: LinearisedFit | None = None) -> Array:
+def standardised_residuals(fit: FittedModel) -> Array:
     """Return real and imaginary parts of the residuals over their standard deviations.
 
     Standard deviations are those of the noise less what the fit takes up, line by line.
@@ -16,8 +15,6 @@ def standardised_residuals(fit: FittedModel, linear: LinearisedFit | None = None
     ----------
     fit : Fit or RunFit
         A fit.
-    linear : LinearisedFit, optional
-        What `fit.linearise` returns, where the caller has it.
 
     Returns
     -------
@@ -25,7 +22,7 @@ def standardised_residuals(fit: FittedModel, linear: LinearisedFit | None = None
         For Q positions or visits, F lines and k elements; one part where residuals are real.
         Not a number where an element is not used.
     """
-    linear = linear or fit.linearise()
+    linear = fit.linearise()
     variance = np.where(linear.used, linear.element_variances, np.nan) / linear.parts
     parts = [linear.residuals.real, linear.residuals.imag][: linear.parts]
     return np.asarray(np.stack(parts) / np.sqrt(variance))

@@ -13,7 +13,6 @@ from estimators.sampling.profile_likelihood import Profile
 from estimators.structure.choose_structure import StructureChoice
 from estimators.structure.power import StructurePower
 from estimators.structure.score_table import ScoreTable
-from estimators.trust.linearised_fit import LinearisedFit
 from estimators.uncertainty.covariance import Uncertainty
 from estimators.uncertainty.identifiability import Identifiability, fit_information, identifiability
 from estimators.uncertainty.residual_analysis import ResidualAnalysis
@@ -182,14 +181,12 @@ class Fits:
     @cached_property
     def residuals(self) -> ResidualAnalysis:
         """What the result leaves unexplained."""
-        return self.stored.analysis if self.stored else analysed(self.result, self._linear)
+        return self.stored.analysis if self.stored else analysed(self.result)
 
     @cached_property
     def standardised(self) -> Array:
         """Residuals over their standard deviations, see `standardised_residuals`."""
-        if self.stored:
-            return self.stored.standardised
-        return standardised_residuals(self.result, self._linear)
+        return self.stored.standardised if self.stored else standardised_residuals(self.result)
 
     def best_cost(self, name: str) -> float:
         """Return the best cost of an estimator; the result's where that is the same cost."""
@@ -200,13 +197,7 @@ class Fits:
     @cached_property
     def information(self) -> Array:
         """Information of the data on ln theta at the result, (p, p)."""
-        return (
-            self.stored.information if self.stored else fit_information(self.result, self._linear)
-        )
-
-    @cached_property
-    def _linear(self) -> LinearisedFit:
-        return self.result.linearise()
+        return self.stored.information if self.stored else fit_information(self.result)
 
     @cached_property
     def identifiability(self) -> Identifiability:

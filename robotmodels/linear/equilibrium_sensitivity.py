@@ -79,9 +79,7 @@ class Tangents:
         J = np.zeros((*Z.shape[:2], Z.shape[-1], X.shape[-1], count), dtype=complex)
         moved = self._columns(self.mass, self.damping, self.stiffness)
         if len(moved):
-            force = _times(self.stiffness[:, moved], X) - w**2 * _times(self.mass[:, moved], X)
-            if self.damping.any():
-                force += 1j * w * _times(self.damping[:, moved], X)
+            force = self._forces(w[..., 0], X, moved)
             q, f, d, n, p = force.shape
             answer = np.swapaxes(Z, -1, -2) @ force.reshape(q, f, d, n * p)
             J[..., moved] -= answer.reshape(q, f, -1, n, p)
@@ -93,6 +91,15 @@ class Tangents:
         if relative.any():
             J += model.frequency_response(omega)[..., None] * relative
         return J
+
+    def _forces(self, w: Array, motion: ComplexArray, moved: IntArray) -> ComplexArray:
+        """Return (dK + j w dD - w^2 dM) motion, (Q, F, d, n, r), by the parameters `moved`."""
+        matrices, motions = [self.stiffness, self.mass], [motion, -(w**2) * motion]
+        if self.damping.any():
+            matrices.append(self.damping)
+            motions.append(1j * w * motion)
+        wide = np.concatenate([matrix[:, moved] for matrix in matrices], axis=-1)
+        return _times(wide, np.concatenate(motions, axis=2))
 
     def _relative(self, omega: Array, measured: Measurement) -> ComplexArray:
         """Return d ln G/d ln theta by gains, delays and lags, (F, m or 1, n or 1, p)."""
@@ -115,7 +122,12 @@ def _times(derivative: Array, columns: ComplexArray) -> ComplexArray:
     """Return derivative (Q, p, m, d) times columns (Q, F, d, n), as (Q, F, m, n, p)."""
     q, f, d, n = columns.shape
     p, m = derivative.shape[1:3]
-    # One real product: real and imaginary parts lie side by side.
-    flat = np.ascontiguousarray(columns.transpose(0, 2, 1, 3)).view(float).reshape(q, d, -1)
-    product = (derivative.reshape(q, p * m, d) @ flat).view(complex)
-    return np.ascontiguousarray(product.reshape(q, p, m, f, n).transpose(0, 3, 2, 4, 1))
+    result = np.empty((q, f, m, n, p), dtype=complex)
+    for one, matrices, motion in zip(result, derivative, columns, strict=True):
+        # Real products, position by position: what is turned over stays in the cache.
+        rows = motion.swapaxes(-1, -2).reshape(-1, d)
+        flat = matrices.transpose(2, 1, 0).reshape(d, m * p)
+        one.real, one.imag = (
+            (part @ flat).reshape(f, n, m, p).swapaxes(1, 2) for part in (rows.real, rows.imag)
+        )
+    return result

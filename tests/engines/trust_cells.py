@@ -306,7 +306,7 @@ def one_step(
         bounds=np.stack([values / 1e3, values * 1e3]), status=1, message="", evaluations=1,
         weighting=cell.weights,
     )  # fmt: skip
-    linear = linearise(fit.problem, values, (at.response, at.jacobian))
+    linear = linearise(fit.problem, (at.response, at.jacobian))
     step = linear.estimates(linear.rows, linear.residuals)
     return replace(linear, residuals=linear.residuals - linear.jacobian @ step), step
 

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from arviz_stats.base.array import array_stats
 from mass_springs import OMEGA, POSITIONS
 from scipy.stats import norm, t
 from test_least_squares import MODEL
@@ -8,6 +9,7 @@ from test_profile import noisy
 from estimators import fit, importance_sample, sample_posterior
 from estimators.sampling.convergence import StoppingCriterion
 from estimators.sampling.importance_sampling import smoothed
+from estimators.sampling.pareto_smoothing import pareto_smoothed
 from robotmodels import InvalidInput, SolverFailed
 
 
@@ -76,3 +78,22 @@ def test_weights_that_vanish_beside_the_largest_are_not_trusted(spread):
     assert k == np.inf
     assert np.exp(log_weights).sum() == pytest.approx(1)
     assert log_weights.argmax() == raw.argmax()
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_smoothed_weights_are_those_of_arviz_stats(seed):
+    rng = np.random.default_rng(seed)
+    raw = 10 ** rng.uniform(-3, 1) * rng.standard_t(5, int(rng.choice([100, 226, 5000])))
+    with np.errstate(all="ignore"):
+        expected, k = array_stats.psislw(-raw)
+    assert np.isfinite(expected).all()
+    log_weights, own = pareto_smoothed(raw)
+    assert own == pytest.approx(k, rel=1e-9, abs=1e-9)
+    assert np.exp(log_weights) == pytest.approx(np.exp(expected), rel=1e-9, abs=1e-12)
+
+
+def test_few_weights_are_not_trusted_and_equal_ones_are():
+    assert pareto_smoothed(np.zeros(24))[1] == np.inf
+    log_weights, k = pareto_smoothed(np.full(400, 3.0))
+    assert k == 0.0
+    assert np.exp(log_weights) == pytest.approx(np.full(400, 1 / 400))

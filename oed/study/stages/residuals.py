@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from estimators.fitting.fitted_model import FittedModel
-from estimators.trust.linearised_fit import LinearisedFit
 from estimators.uncertainty.identifiability import fit_information
 from estimators.uncertainty.residual_analysis import LAGS, ResidualAnalysis, residual_analysis
 from estimators.uncertainty.standardised_residuals import standardised_residuals
@@ -39,18 +38,14 @@ class FitResiduals:
     @classmethod
     def of(cls, fit: FittedModel) -> "FitResiduals":
         """Linearise a fit."""
-        linear = fit.linearise()
         return cls(
-            analysed(fit, linear),
-            standardised_residuals(fit, linear),
-            fit_information(fit, linear),
-            fit.has_likelihood,
+            analysed(fit), standardised_residuals(fit), fit_information(fit), fit.has_likelihood
         )
 
 
-def analysed(fit: FittedModel, linear: LinearisedFit) -> ResidualAnalysis:
+def analysed(fit: FittedModel) -> ResidualAnalysis:
     """Return what a fit leaves unexplained, by as many lags as it has lines."""
-    return residual_analysis(fit, max(min(LAGS, len(fit.problem.omega) - 1), 1), linear)
+    return residual_analysis(fit, max(min(LAGS, len(fit.problem.omega) - 1), 1))
 
 
 def residuals(run: Run, result: Stage[SelectedFit]) -> Stage[FitResiduals]:
