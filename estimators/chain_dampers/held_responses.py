@@ -53,7 +53,7 @@ class HeldResponses:
     cross_std: Array
 
 
-def held_responses(records: Records, modes: FittedModes, delay: float = 0.0) -> HeldResponses:
+def held_responses(records: Records, modes: FittedModes) -> HeldResponses:
     """Return the responses of single chains and pairs, the others held, and their gains.
 
     Gains at low frequency are limits of series in the squared frequency. Those at high frequency
@@ -65,8 +65,6 @@ def held_responses(records: Records, modes: FittedModes, delay: float = 0.0) -> 
         One position; run i moves motor i alone.
     modes : FittedModes
         Modes fitted to the unconstrained response of the same records.
-    delay : float, s
-        Of the angles after the torques.
 
     Raises
     ------
@@ -75,8 +73,8 @@ def held_responses(records: Records, modes: FittedModes, delay: float = 0.0) -> 
     """
     motors = records.torque.shape[-1]
     _check_runs(records, motors)
-    direct = [_of_motors(records, (i,), delay) for i in range(motors)]
-    pairs = [_of_motors(records, pair, delay) for pair in combinations(range(motors), 2)]
+    direct = [_of_motors(records, (i,)) for i in range(motors)]
+    pairs = [_of_motors(records, pair) for pair in combinations(range(motors), 2)]
     omega, lines = direct[0][0], len(direct[0][0])
     below = omega < _NEAR * modes.zeros.min()
     above = modes.data.omega > _FAR * modes.omega[-1]
@@ -98,9 +96,7 @@ def held_responses(records: Records, modes: FittedModes, delay: float = 0.0) -> 
     )
 
 
-def _of_motors(
-    records: Records, motors: tuple[int, ...], delay: float
-) -> tuple[Array, ComplexArray, Array]:
+def _of_motors(records: Records, motors: tuple[int, ...]) -> tuple[Array, ComplexArray, Array]:
     """Return frequencies, the response among these motors and its deviations, the others held."""
     index = list(motors)
     part = replace(
@@ -111,7 +107,7 @@ def _of_motors(
             for name in ("reference", "torque", "angle", "saturated")
         },
     )
-    estimate = estimate_frf(part, covariance="noise", structure="diagonal", delay=delay)
+    estimate = estimate_frf(part, covariance="noise", structure="diagonal")
     return estimate.omega, estimate.response[0], np.sqrt(estimate.variance[0])
 
 

@@ -7,14 +7,15 @@ out some odd lines shows odd distortions there and even ones at the even lines.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from estimators.frf.estimate_frf import (
     Transient,
-    each_position,
     lines_of,
+    of_positions,
     usable_spectra,
     variances,
     with_deviations,
@@ -122,17 +123,14 @@ def distortion(
     InvalidInput
         If there are less than two periods, or as `estimate_frf` does.
     """
-    settings = _Settings(method, hold, delay, transient, lines)
-    estimates = [
-        _of_position(part, f"position {count + 1}", settings)
-        for count, part in enumerate(each_position(records))
-    ]
-    if not estimates:
-        raise InvalidInput("records: none given; at least one position is needed")
+    estimated = partial(
+        _of_position, method=method, hold=hold, delay=delay, transient=transient, lines=lines
+    )
+    positions, estimates = of_positions(records, estimated)
     last = estimates[-1]
     stacked = {name: np.array([one.levels[name] for one in estimates]) for name in last.levels}
     return Distortion(
-        positions=np.array([one.position for one in estimates]),
+        positions=positions,
         omega=last.omega,
         odd_omega=last.odd_omega,
         even_omega=last.even_omega,
@@ -141,18 +139,9 @@ def distortion(
     )
 
 
-class _Settings(NamedTuple):
-    method: str
-    hold: bool
-    delay: float
-    transient: Transient
-    lines: IntArray | None
-
-
 class _Position(NamedTuple):
     """One position's part of a `Distortion`; `levels` holds what has an axis of positions."""
 
-    position: Array
     omega: Array
     odd_omega: Array
     even_omega: Array
@@ -160,7 +149,16 @@ class _Position(NamedTuple):
     levels: dict[str, Array]
 
 
-def _of_position(part: Records, who: str, settings: _Settings) -> _Position:
+def _of_position(
+    part: Records,
+    who: str,
+    *,
+    method: str,
+    hold: bool,
+    delay: float,
+    transient: Transient,
+    lines: IntArray | None,
+) -> _Position:
     """Return the levels in one position.
 
     Raises
@@ -168,9 +166,8 @@ def _of_position(part: Records, who: str, settings: _Settings) -> _Position:
     InvalidInput
         As `distortion`.
     """
-    method, hold, delay, transient, subset = settings
     measured = usable_spectra(
-        part, who, method, hold=hold, delay=delay, transient=transient, lines=subset
+        part, who, method, hold=hold, delay=delay, transient=transient, lines=lines
     )
     if measured.periods < 2:
         raise InvalidInput(f"{who}: one period; distortion needs at least 2, to see the noise")
@@ -179,14 +176,14 @@ def _of_position(part: Records, who: str, settings: _Settings) -> _Position:
     if len(measured.present) > 1:
         total = variances(with_deviations(measured, method, "total", who)[1])
     levels = {"noise": variances(noise), "total": total, "output": _rms(measured)}
-    lines = detection_lines(part, subset)
+    unexcited = detection_lines(part, lines)
     first = part.torque.shape[3] - measured.periods
-    for name, k in zip(("odd", "even"), lines, strict=True):
+    for name, k in zip(("odd", "even"), unexcited, strict=True):
         between = spectra(part, 0, k, hold, delay, first)
         levels |= _between(name, between, measured.omega, response)
     unit = 2 * np.pi / (part.samples * part.sample_time)
-    odd, even = (np.asarray(unit * k, dtype=float) for k in lines)
-    return _Position(part.positions[0], measured.omega, odd, even, len(measured.present), levels)
+    odd, even = (np.asarray(unit * k, dtype=float) for k in unexcited)
+    return _Position(measured.omega, odd, even, len(measured.present), levels)
 
 
 def detection_lines(records: Records, lines: IntArray | None = None) -> tuple[IntArray, IntArray]:

@@ -1,7 +1,7 @@
 """FRFs from records, with their covariance: [WM] section 4."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,25 +126,16 @@ def over_positions(
     InvalidInput
         If there are no records, or frequencies, outputs or motors of positions differ.
     """
-    positions, estimates = [], list[PositionFrf]()
-    for count, part in enumerate(each_position(records)):
-        who = f"position {count + 1}"
-        positions.append(part.positions[0])
-        estimates.append(estimated(part, who))
-        if not np.array_equal(estimates[0].omega, estimates[-1].omega):
-            raise InvalidInput(f"{who}: its frequencies differ from those of position 1")
-        (m, n), (outputs, motors) = (
-            one.response.shape[1:] for one in (estimates[0], estimates[-1])
-        )
-        if (outputs, motors) != (m, n):
+    positions, estimates = of_positions(records, estimated)
+    m, n = estimates[0].response.shape[1:]
+    for count, one in enumerate(estimates):
+        if (shape := one.response.shape[1:]) != (m, n):
             raise InvalidInput(
-                f"{who}: {outputs} x {motors} FRFs (outputs x motors); "
+                f"position {count + 1}: {shape[0]} x {shape[1]} FRFs (outputs x motors); "
                 f"those of position 1 are {m} x {n}"
             )
-    if not estimates:
-        raise InvalidInput("records: none given; at least one position is needed")
     return FrfEstimate(
-        np.array(positions),
+        positions,
         estimates[0].omega,
         np.array([one.response for one in estimates]),
         np.array([one.covariance for one in estimates]),
@@ -153,6 +144,44 @@ def over_positions(
         stacked_deviations([one.deviations for one in estimates]),
         mean_correlation([one.line_correlation for one in estimates]),
     )
+
+
+class HasOmega(Protocol):
+    """What belongs to angular frequencies."""
+
+    @property
+    def omega(self) -> Array:
+        """Angular frequencies, (F,) [rad/s]."""
+
+
+_Part = TypeVar("_Part", bound=HasOmega)
+
+
+def of_positions(
+    records: Records | Iterable[Records], part_of: Callable[[Records, str], _Part]
+) -> tuple[Array, list[_Part]]:
+    """Return positions (Q, n) [rad], and what is computed from the records of each.
+
+    Parameters
+    ----------
+    part_of : callable
+        Gives a position's, from its records and what messages are to call it.
+
+    Raises
+    ------
+    InvalidInput
+        If there are no records, or frequencies of positions differ.
+    """
+    positions, parts = [], list[_Part]()
+    for count, part in enumerate(each_position(records)):
+        who = f"position {count + 1}"
+        positions.append(part.positions[0])
+        parts.append(part_of(part, who))
+        if not np.array_equal(parts[0].omega, parts[-1].omega):
+            raise InvalidInput(f"{who}: its frequencies differ from those of position 1")
+    if not parts:
+        raise InvalidInput("records: none given; at least one position is needed")
+    return np.array(positions), parts
 
 
 def stacked_deviations(draws: Sequence[ComplexArray | None]) -> ComplexArray | None:

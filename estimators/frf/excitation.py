@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from estimators.frf.averaging import SUMMING, find_method, needed_rank
 from estimators.frf.block_checks import line_words
-from estimators.frf.estimate_frf import Transient, each_position, first_period
+from estimators.frf.estimate_frf import Transient, first_period, of_positions
 from estimators.frf.input_rank import (
     condition_numbers,
     excited_rank,
@@ -118,17 +119,11 @@ def excitation(
     """
     if method != LOCAL:
         find_method(method)
-    positions, parts = [], list[_Part]()
-    for count, part in enumerate(each_position(records)):
-        who = f"position {count + 1}"
-        parts.append(_of_position(part, who, method, band, transient, local))
-        positions.append(part.positions[0])
-        if not np.array_equal(parts[0].omega, parts[-1].omega):
-            raise InvalidInput(f"{who}: its frequencies differ from those of position 1")
-    if not parts:
-        raise InvalidInput("records: none given; at least one position is needed")
+    positions, parts = of_positions(
+        records, partial(_of_position, method=method, band=band, transient=transient, local=local)
+    )
     return Excitation(
-        np.array(positions),
+        positions,
         parts[0].lines,
         parts[0].omega,
         np.array([one.rank for one in parts]),

@@ -31,7 +31,7 @@ class Relation:
 
     Attributes
     ----------
-    factor, factor_std : float
+    factor : float
         Target over basis.
     lag, lag_std : float, s
         By which the basis channel is late.
@@ -40,7 +40,6 @@ class Relation:
     """
 
     factor: float
-    factor_std: float
     lag: float
     lag_std: float
     unexplained: float
@@ -128,7 +127,6 @@ def _result(
     variation = y - y.mean()
     return Relation(
         factor=factor,
-        factor_std=fit.std(0),
         lag=lag,
         lag_std=fit.std(1),
         unexplained=float(np.sqrt(cost / (variation @ variation))),

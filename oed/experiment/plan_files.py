@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import yaml
 from pydantic import Field, model_validator
 
 from robotmodels.common.arrays import Array
@@ -22,8 +21,7 @@ from robotmodels.common.deprecation import current_key
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.file_paths import reason
 from robotmodels.common.fingerprints import fingerprint
-from robotmodels.common.yaml_files import FileSection, read_yaml
-from robotmodels.common.yaml_reader import reads_as_text
+from robotmodels.common.yaml_files import FileSection, read_yaml, yaml_text
 from robotmodels.data_files.array_schema import ArraySchema, Field as ArrayField
 from robotmodels.data_files.hdf5_file import open_hdf5
 
@@ -109,17 +107,6 @@ class PlanFile(FileSection):
     fingerprint: str
 
 
-class _Dumper(yaml.SafeDumper):
-    """Quotes the words that YAML 1.2 takes for numbers too, such as ``1e5``."""
-
-    def represent_str(self, data: str) -> yaml.ScalarNode:
-        style = None if reads_as_text(data) else '"'
-        return self.represent_scalar("tag:yaml.org,2002:str", data, style)
-
-
-_Dumper.add_representer(str, _Dumper.represent_str)
-
-
 def write_plan(
     path: str | os.PathLike[str], document: Mapping[str, Any], values: Mapping[str, Array]
 ) -> None:
@@ -146,14 +133,7 @@ def write_plan(
         raise InvalidInput(f"{target}: a plan's file name ends in .yaml")
     arrays = target.with_suffix(".h5")
     fingerprint = _fingerprint(values)
-    text = yaml.dump(
-        {**document, "signals": arrays.name, "fingerprint": fingerprint},
-        Dumper=_Dumper,
-        sort_keys=False,
-        default_flow_style=None,
-        width=100,
-        allow_unicode=True,
-    )
+    text = yaml_text({**document, "signals": arrays.name, "fingerprint": fingerprint})
     try:
         # The inner file is renamed first: no plan names arrays that are not there.
         with atomic_write(target) as unfinished, atomic_write(arrays) as unfinished_arrays:

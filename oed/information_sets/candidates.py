@@ -6,6 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
+from oed.information_sets.null_space import open_combinations, unidentifiable, weak_directions
 from robotmodels.common.arrays import Array, IntArray, read_only
 from robotmodels.common.deprecation import renamed_attributes
 from robotmodels.common.errors import InvalidInput
@@ -55,6 +56,38 @@ def check_candidates(info: object, argument: str = "info") -> None:
             f"{argument}: {what}; an InformationSet is needed, which "
             "oed.InformationSet(positions, matrices, names) makes of matrices (Q, p, p)"
         )
+
+
+class OneValue:
+    """What candidates for one value of the parameters inform on, by the sum of their matrices."""
+
+    names: tuple[str, ...]
+
+    @property
+    def total(self) -> Array:
+        """The sum of all candidates' information, (p, p)."""
+        raise NotImplementedError
+
+    @property
+    def samples(self) -> int:
+        """The number of parameter values the information was computed for: one."""
+        return 1
+
+    @property
+    def rank(self) -> int:
+        """The number of parameter directions that all candidates together inform on."""
+        return len(self.names) - int(weak_directions(self.total).shape[1])
+
+    def unidentifiable(self, total: Array | None = None) -> tuple[str, ...]:
+        """Return the parameters not determined by `total` (p, p), by default all candidates."""
+        return unidentifiable(self.total if total is None else total, self.names)
+
+    def open_combinations(self, total: Array | None = None) -> tuple[str, ...]:
+        """Return the undetermined combinations, as ``"a - 0.5 b"``, one for each direction.
+
+        Along it parameters may move together, by these factors, and no experiment would tell.
+        """
+        return open_combinations(self.total if total is None else total, self.names)
 
 
 @dataclass(frozen=True, eq=False)

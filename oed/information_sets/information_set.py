@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from oed.information_sets.candidates import OneValue
 from oed.information_sets.matrix_checks import check_matrices, check_positions
-from oed.information_sets.null_space import open_combinations, unidentifiable, weak_directions
 from robotmodels.common.arrays import Array, IntArray, read_only
 from robotmodels.common.atomic_files import atomic_write
 from robotmodels.common.deprecation import renamed_attributes
@@ -31,7 +31,7 @@ _FILE = ArraySchema(
 
 @renamed_attributes("0.2", prices="directional_derivatives")
 @dataclass(frozen=True, eq=False)
-class InformationSet(ReprHtml):
+class InformationSet(OneValue, ReprHtml):
     """The information of one experiment in each of Q candidate positions.
 
     Attributes
@@ -99,11 +99,6 @@ class InformationSet(ReprHtml):
         """The sum of all candidates' information, (p, p)."""
         return np.asarray(self.matrices.sum(axis=0))
 
-    @property
-    def samples(self) -> int:
-        """The number of parameter values the information was computed for: one."""
-        return 1
-
     def take(self, indices: IntArray) -> Array:
         """Return the matrices of some candidates, (n, p, p)."""
         return np.asarray(self.matrices[indices])
@@ -118,22 +113,6 @@ class InformationSet(ReprHtml):
         if len(used) > len(self) // 8:
             return np.asarray((weights @ self.matrices.reshape(len(self), -1)).reshape(p, p))
         return np.asarray((weights[used] @ self.take(used).reshape(len(used), p * p)).reshape(p, p))
-
-    @property
-    def rank(self) -> int:
-        """The number of parameter directions that all candidates together inform on."""
-        return len(self.names) - int(weak_directions(self.total).shape[1])
-
-    def unidentifiable(self, total: Array | None = None) -> tuple[str, ...]:
-        """Return the parameters not determined by `total` (p, p), by default all candidates."""
-        return unidentifiable(self.total if total is None else total, self.names)
-
-    def open_combinations(self, total: Array | None = None) -> tuple[str, ...]:
-        """Return the undetermined combinations, as ``"a - 0.5 b"``, one for each direction.
-
-        Along it parameters may move together, by these factors, and no experiment would tell.
-        """
-        return open_combinations(self.total if total is None else total, self.names)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write an HDF5 file with the datasets positions, matrices and names."""

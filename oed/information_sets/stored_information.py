@@ -19,8 +19,8 @@ from typing import Annotated, BinaryIO, Literal
 import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveInt
 
+from oed.information_sets.candidates import OneValue
 from oed.information_sets.matrix_checks import check_matrices, check_positions
-from oed.information_sets.null_space import unidentifiable, weak_directions
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.atomic_files import atomic_write
 from robotmodels.common.deprecation import renamed_attributes
@@ -48,7 +48,7 @@ class StoreHeader(FileSection):
 
 @renamed_attributes("0.2", prices="directional_derivatives")
 @dataclass(frozen=True, eq=False)
-class StoredInformation:
+class StoredInformation(OneValue):
     """The information of Q candidates in a file; a set of candidates like `InformationSet`.
 
     Attributes
@@ -102,11 +102,6 @@ class StoredInformation:
         return self.__dict__ | {"executor": None}  # workers give no work to others
 
     @property
-    def samples(self) -> int:
-        """The number of parameter values the information was computed for: one."""
-        return 1
-
-    @property
     def positions(self) -> Array:
         """All positions, (Q, n) [rad], mapped and not read."""
         return np.memmap(self.path, np.float64, "r", _HEADER + 8 * self._size, self.shape)
@@ -117,18 +112,9 @@ class StoredInformation:
         return self._unpacked(np.fromfile(self.path, np.float64, self._size, offset=_HEADER))
 
     @property
-    def rank(self) -> int:
-        """The number of parameter directions that all candidates together inform on."""
-        return len(self.names) - int(weak_directions(self.total).shape[1])
-
-    @property
     def matrices(self) -> Array:
         """All matrices, (Q, p, p), in memory: for few candidates only."""
         return self.take(np.arange(len(self)))
-
-    def unidentifiable(self, total: Array | None = None) -> tuple[str, ...]:
-        """Return the parameters not determined by `total` (p, p), by default all candidates."""
-        return unidentifiable(self.total if total is None else total, self.names)
 
     def take(self, indices: IntArray) -> Array:
         """Return the matrices of some candidates, (n, p, p)."""

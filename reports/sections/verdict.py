@@ -123,16 +123,10 @@ def interval_cells(one: Interval, factor: float, decimals: int) -> tuple[Number,
     return low, high
 
 
-def interval_words(one: Interval, factor: float = 1.0, decimals: int | None = None) -> str:
+def interval_words(one: Interval, factor: float = 1.0) -> str:
     """Return ``1.21 to 1.30``, ``< 0.013`` or ``> 2e4``; a dash where there is no interval."""
-
-    def end(value: float) -> str:
-        if decimals is None:
-            return text.significant(value / factor, 4)
-        return text.fixed(value / factor, decimals)
-
     if one.low is not None and one.high is not None:
-        return f"{end(one.low)} to {end(one.high)}"
+        return " to ".join(text.significant(end / factor, 4) for end in (one.low, one.high))
     if one.high is not None:
         return f"< {text.significant(one.high / factor, 2)}"
     if one.low is not None:

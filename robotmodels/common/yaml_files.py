@@ -1,18 +1,44 @@
-"""YAML files read against a schema; a mistake becomes one line that names file, line and key."""
+"""YAML files written, and read against a schema; a mistake is one line with file, line and key."""
 
 import json
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
+import yaml
 from pydantic import AliasChoices, BaseModel, ConfigDict, ValidationError
 
 from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.common.file_paths import check_file, reason
-from robotmodels.common.yaml_reader import Node, YamlError, read_document
+from robotmodels.common.yaml_reader import Node, YamlError, read_document, reads_as_text
 
 MOST_CHARACTERS = 4_000_000
 """Size of a YAML file [bytes]; longer lists of positions fit into CSV or NumPy's files."""
+
+
+class _Dumper(yaml.SafeDumper):
+    """Quotes also text that only YAML 1.2 takes for a number, such as ``1e5``."""
+
+
+def _text(dumper: _Dumper, text: str) -> yaml.ScalarNode:
+    style = None if reads_as_text(text) else "'"
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style)
+
+
+_Dumper.add_representer(str, _text)
+
+
+def yaml_text(content: Mapping[str, Any]) -> str:
+    """Return YAML with keys in their order and the innermost lists in one line."""
+    return yaml.dump(
+        content,
+        Dumper=_Dumper,
+        sort_keys=False,
+        default_flow_style=None,
+        width=100,
+        allow_unicode=True,
+    )
 
 
 class FileSection(BaseModel):

@@ -1,6 +1,8 @@
-"""Whether a robot file and the joints of its model file fit each other."""
+"""Whether a robot file and the joints of its model file fit each other, friction included."""
 
 from collections.abc import Mapping
+
+import pinocchio as pin
 
 from robotmodels.common.errors import InvalidInput
 from robotmodels.description.joint_drives import Coupling
@@ -48,4 +50,29 @@ def check_joints(file: RobotFile, joints: list[str], couplings: Mapping[str, Cou
             raise InvalidInput(
                 f"joint {name!r} follows {coupling.leader!r}, which is locked; lock it as "
                 f"well, at {angle:.6g}"
+            )
+
+
+def check_friction(file: RobotFile, rigid: pin.Model, couplings: Mapping[str, Coupling]) -> None:
+    """Refuse friction of joints that have no coordinate of their own behind a spring.
+
+    Raises
+    ------
+    InvalidInput
+        Naming the friction, its joint and what to give instead.
+    """
+    joints, sprung = list(rigid.names)[1:], {s.joint for s in file.springs if s.axis == "drive"}
+    motor_of = {motor.joint: motor.name for motor in file.motors}
+    for item in file.friction:
+        who = f"friction {item.name!r}"
+        if item.joint not in joints:
+            what = f"{who}: {item.joint!r}"
+            raise InvalidInput(unknown_joint(what, item.joint, joints, file.lock))
+        if item.joint in couplings:
+            leader = couplings[item.joint].leader
+            raise InvalidInput(f"{who}: joint {item.joint!r} follows {leader!r}; give it to that")
+        if item.joint not in sprung:
+            raise InvalidInput(
+                f"{who}: joint {item.joint!r} is driven rigidly, so its friction is that of motor "
+                f"{motor_of[item.joint]!r}: viscous over the gear ratio squared, coulomb over it"
             )

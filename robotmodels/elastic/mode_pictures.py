@@ -11,6 +11,7 @@ from robotmodels.elastic.tool_response import tool_frame
 from robotmodels.linear.modes import resonances
 from robotmodels.linear.response import linearize
 
+_COUNT = 4
 _STEP = 1e-5  # of a mode shape that moves the farthest point by 1 m
 
 
@@ -34,9 +35,9 @@ class ModeMovements:
 
 
 def mode_movements(
-    robot: ElasticRobot, position: Array, parameters: Array | None = None, count: int = 4
+    robot: ElasticRobot, position: Array, parameters: Array | None = None
 ) -> ModeMovements:
-    """Return the lowest modes at `position` (n,), about the equilibrium, at parameters (p,) [SI].
+    """Return the four lowest modes at `position` (n,) about the equilibrium, parameters (p,) [SI].
 
     Raises
     ------
@@ -45,11 +46,11 @@ def mode_movements(
     """
     (equilibrium,) = robot.equilibrium(position[None], parameters).coordinates
     modes = resonances(linearize(robot, position, parameters))
-    shapes = modes.shapes[: len(equilibrium), :count].T
+    shapes = modes.shapes[: len(equilibrium), :_COUNT].T
     coarse, _ = _differences(robot, equilibrium, shapes)
     reach = np.linalg.norm(coarse, axis=2).max(axis=1)
     scaled = shapes / np.where(reach > 0, reach, 1.0)[:, None]
-    return ModeMovements(modes.frequencies[:count], *_differences(robot, equilibrium, scaled))
+    return ModeMovements(modes.frequencies[:_COUNT], *_differences(robot, equilibrium, scaled))
 
 
 def _differences(robot: ElasticRobot, equilibrium: Array, shapes: Array) -> tuple[Array, Array]:

@@ -22,8 +22,7 @@ from robotmodels.elastic.arm import Arm, build_arm, motions
 from robotmodels.elastic.equilibrium import Equilibrium, Labels, find_equilibrium
 from robotmodels.elastic.equilibrium_derivatives import differentiate
 from robotmodels.elastic.free_elements import Elements
-from robotmodels.elastic.joint_checks import check_joints
-from robotmodels.elastic.joint_friction import check_friction
+from robotmodels.elastic.joint_checks import check_friction, check_joints
 from robotmodels.elastic.segments import check_bodies
 from robotmodels.elastic.skeleton import Layout, Skeleton, check_mass, skeleton
 from robotmodels.linear.equilibrium_sensitivity import Tangents

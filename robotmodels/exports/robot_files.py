@@ -5,12 +5,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from robotmodels.common.arrays import Array
 from robotmodels.common.atomic_files import created_folder, unwritable, write_text
 from robotmodels.common.errors import InvalidInput
-from robotmodels.common.yaml_reader import reads_as_text
+from robotmodels.common.yaml_files import yaml_text
 from robotmodels.description.friction import at_speeds
 from robotmodels.description.robot_file import Fitted, RobotFile
 from robotmodels.description.urdf import PACKAGE_PREFIX
@@ -117,27 +116,7 @@ def save_robot(robot: ElasticRobot, path: str | Path) -> None:
 
 def robot_text(file: RobotFile) -> str:
     """Return a robot file as YAML."""
-    content = file.model_dump(mode="json", by_alias=True, exclude_defaults=True)
-    return yaml.dump(
-        content,
-        Dumper=_Dumper,
-        sort_keys=False,
-        default_flow_style=None,
-        width=100,
-        allow_unicode=True,
-    )
-
-
-class _Dumper(yaml.SafeDumper):
-    """Quotes also text that only YAML 1.2 takes for a number."""
-
-
-def _text(dumper: _Dumper, text: str) -> yaml.ScalarNode:
-    style = None if reads_as_text(text) else "'"
-    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style)
-
-
-_Dumper.add_representer(str, _text)
+    return yaml_text(file.model_dump(mode="json", by_alias=True, exclude_defaults=True))
 
 
 def relative_to(folder: Path, target: Path) -> str:

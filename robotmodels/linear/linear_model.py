@@ -133,13 +133,10 @@ class Measurement:
         return replace(self, **rows)
 
 
-def motor_measurement(selector: Array, order: int = 2) -> Measurement:
-    """Return the measurement of motor angles (order 0), speeds (1) or accelerations (2)."""
-    position, velocity, acceleration = (
-        selector.T if order == k else np.zeros_like(selector.T) for k in range(3)
-    )
-    torque = Channels.plain(np.ones(selector.shape[1]))
-    return Measurement(position, velocity, acceleration, torque)
+def motor_measurement(selector: Array) -> Measurement:
+    """Return the measurement of motor accelerations."""
+    nothing, torque = np.zeros_like(selector.T), Channels.plain(np.ones(selector.shape[1]))
+    return Measurement(nothing, nothing, selector.T, torque)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 import tempfile
 from contextlib import ExitStack
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -50,6 +51,6 @@ class ColumnStore:
             values[begin - start : end - start] = np.fromfile(self._file, count=end - begin)
         return values
 
-    def channel(self, column: int, unit: str = "", first: int = 0) -> Channel:
-        """Return a column as a channel that begins at row `first`."""
-        return Channel(lambda start, stop: self.read(column, first + start, first + stop), unit)
+    def channel(self, column: int, unit: str = "") -> Channel:
+        """Return a column as a channel."""
+        return Channel(partial(self.read, column), unit)
