@@ -93,7 +93,7 @@ def test_totals_need_blocks_and_noise_needs_periods():
         found(periods=1)
     with pytest.raises(InvalidInput, match="none given"):
         distortion([])
-    records = bench_records(Bench())
+    records = bench_records(Bench(noise=1e-7))
     slower = replace(records, sample_time=2 * records.sample_time)
     with pytest.raises(InvalidInput, match="position 2: its frequencies differ from those of"):
         distortion([records, slower])
