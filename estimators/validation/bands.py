@@ -97,9 +97,10 @@ def relative_slope(values: Array | ComplexArray, slope: Array | ComplexArray) ->
 def draw_band(values: Array | ComplexArray, drawn: Array | ComplexArray, level: float) -> Band:
     """Return the band of values (...) by those of draws (N, ...)."""
     zero = is_rounding(values)
-    ratio = np.log(np.where(zero, 1.0, drawn / np.where(zero, 1.0, values)) + 0j)
+    ratio = np.where(zero, 1.0, drawn / np.where(zero, 1.0, values))
+    std, phase_std = (part.std(axis=0, ddof=1) for part in (np.log(np.abs(ratio)), np.angle(ratio)))
     ends = np.quantile(np.abs(drawn), [(1 - level) / 2, (1 + level) / 2], axis=0)
-    return Band(ratio.real.std(axis=0, ddof=1), ratio.imag.std(axis=0, ddof=1), *ends)
+    return Band(std, phase_std, *ends)
 
 
 def is_rounding(values: Array | ComplexArray) -> BoolArray:

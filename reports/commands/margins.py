@@ -78,14 +78,11 @@ def margins(
 def _computed(
     model: Identified, loop: "LinearFeedback", draws: int, seed: int
 ) -> "ControllerMargins":
-    from functools import partial
-
     from estimators.validation.controller_margins import controller_margins
-    from reports.summaries.progress import progress_bars
+    from reports.summaries.progress import progress_of
 
     drawn = model.draws(draws, seed)
-    with progress_bars() as bars:
-        progress = None if bars is None else partial(bars, "draws")
+    with progress_of("draws") as progress:
         return controller_margins(model.source, loop, model.positions, drawn, progress)
 
 

@@ -68,15 +68,25 @@ def predict(
     frame = read_frame(link or "", at, axes)  # refused before a study is computed
     omega = None if frequencies is None else read_frequencies(frequencies)
     model = read_source(source, position, spread, workers)
-    from estimators.validation.predict_tool import predict_tool
+    from estimators.validation.predict_workspace import predict_workspace
     from reports.pages.prediction_page import write_prediction_page
     from reports.summaries import prediction_summary as summaries
+    from reports.summaries.progress import progress_of
     from robotmodels.elastic.tool_response import tool_frame
 
     frame = frame if link else replace(frame, link=tool_frame(model.robot).link)
     count = draws or (0 if model.posterior is None else _OF_POSTERIOR)
     drawn = model.draws(max(count, 2), seed) if count else None
-    prediction = predict_tool(model.source, model.positions, frame, omega, spread=drawn, **words)
+    with progress_of("predictions") as progress:
+        prediction = predict_workspace(
+            model.source,
+            model.positions,
+            omega,
+            frame=frame,
+            spread=drawn,
+            progress=progress,
+            **words,
+        )
     robot, rests_on = model.robot, model.spread
     tables = {"prediction.csv": summaries.tool_csv(prediction, robot.motor_names)}
     if prediction.response is not None:

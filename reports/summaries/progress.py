@@ -5,9 +5,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from datetime import datetime
+from functools import partial
 from typing import TextIO
 
-from robotmodels.common.progress import StageProgress
+from robotmodels.common.progress import Progress, StageProgress
 
 QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
 """Whether nothing is told of progress."""
@@ -54,6 +55,13 @@ def progress_bars() -> Iterator[StageProgress | None]:
             bars.update(tasks[stage], completed=done, total=total or None)
 
         yield report
+
+
+@contextmanager
+def progress_of(stage: str) -> Iterator[Progress | None]:
+    """Give a function that shows how far one stage is, or None where that is not asked for."""
+    with progress_bars() as bars:
+        yield None if bars is None else partial(bars, stage)
 
 
 def stage_lines(stream: TextIO) -> StageProgress:

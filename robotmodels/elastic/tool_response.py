@@ -148,12 +148,12 @@ class ToolModel:
                 "tool response: clamped motors do not move; set motors to free for their responses"
             )
         w = check_omega(omega)
-        A = self.model.dynamic_stiffness(w)
+        model = self._held if motors == "clamped" else self.model
+        A = model.dynamic_stiffness(w)
         output = self.jacobian if at == "frame" else self.model.selector.T
         force = np.swapaxes(self.jacobian, 1, 2)
         if motors == "clamped":
-            loose = self._loose
-            A, output, force = A[..., loose, :][..., loose], output[..., loose], force[:, loose]
+            output, force = output[..., self._loose], force[:, self._loose]
         elif callable(motors):
             late = np.exp(-1j * w * self.model.measured.delay)[:, None, None]
             A = A + self.model.forces(w) @ (late * motors(w)) @ self.model.selector.T
@@ -161,6 +161,13 @@ class ToolModel:
         columns = np.broadcast_to(force[:, None], (*A.shape[:-1], 6))
         rows = output[:, None] if at == "frame" else output
         return np.asarray(motions * (rows @ np.linalg.solve(A, columns)))
+
+    @property
+    def _held(self) -> LinearModel:
+        """The model of the coordinates that clamped motors leave free."""
+        loose, model = self._loose, self.model
+        parts = (model.mass, model.damping, model.stiffness)
+        return LinearModel(*(a[..., loose, :][..., loose] for a in parts), model.selector[loose])
 
     @property
     def _loose(self) -> Array:

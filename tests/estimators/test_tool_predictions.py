@@ -7,6 +7,7 @@ from robots import HERE, PENDULUM, built, changed
 
 import estimators
 from estimators import DampingRatios, Resonances, ToolCompliance, ToolResponse, predict
+from estimators.validation import predict_workspace
 from estimators.validation.predict_tool import predict_tool
 from robotmodels import Frame, InvalidInput, RelativeNoise, save_robot
 from robotmodels.elastic.robot import ElasticRobot
@@ -151,3 +152,29 @@ def test_a_tool_says_what_single_quantities_say(motors) -> None:
                 np.testing.assert_allclose(
                     getattr(one, field), getattr(alone, field), rtol=1e-9, atol=1e-300
                 )
+
+
+@pytest.mark.parametrize("motors", ["clamped", "free"])
+def test_a_workspace_in_parts_is_predicted_as_a_whole(motors, monkeypatch) -> None:
+    fit = fitted(3)
+    spread = np.log(fit.parameters.values) + 0.02 * np.random.default_rng(0).standard_normal(
+        (12, len(fit.parameters.values))
+    )
+    positions = np.random.default_rng(1).uniform(-0.5, 0.5, (5, 2))
+    words = {"spread": spread, "motors": motors, "frame": TIP, "motion": "velocity"}
+    whole = predict_tool(fit, positions, omega=OMEGA[:3], **words)
+    monkeypatch.setattr(predict_workspace, "_NUMBERS", 2 * 36 * 12 * 3)  # two positions at a time
+    told = []
+    parts = predict_workspace.predict_workspace(
+        fit, positions, OMEGA[:3], progress=lambda *now: told.append(now), **words
+    )
+    assert told == [(0, 5), (2, 5), (4, 5), (5, 5)]
+    np.testing.assert_array_equal(parts.points, whole.points)
+    for name in ("compliance", "resonances", "damping", "response"):
+        for field in ("positions", "values", "std", "phase_std", "lower", "upper"):
+            np.testing.assert_allclose(
+                getattr(getattr(parts, name), field),
+                getattr(getattr(whole, name), field),
+                rtol=1e-9,
+                atol=1e-15,
+            )

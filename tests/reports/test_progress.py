@@ -5,6 +5,8 @@ import re
 import sys
 
 import pytest
+import yaml
+from robots import HERE
 
 from reports import cli
 from reports.summaries import progress
@@ -51,3 +53,17 @@ def test_every_command_has_the_option(monkeypatch, capsys):
         with pytest.raises(SystemExit):
             cli.main()
         assert "--quiet" in capsys.readouterr().out
+
+
+def test_predictions_tell_that_they_are_computed(tmp_path, monkeypatch, capsys):
+    content = yaml.safe_load((HERE / "two_joints.yaml").read_text())
+    content["guessed"] = {"d2.stiffness": 0.2, "d3.stiffness": 0.1}
+    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(content))
+    monkeypatch.chdir(tmp_path)
+    for quiet in ([], ["--quiet"]):
+        monkeypatch.setattr(sys, "argv", ["oed", "predict", "robot.yaml", "--map", "3", *quiet])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        assert not ended.value.code
+        _, err = capsys.readouterr()
+        assert bool(re.fullmatch(f"{LINE}predictions\n", err)) != bool(quiet)
