@@ -148,7 +148,7 @@ class ToolModel:
                 "tool response: clamped motors do not move; set motors to free for their responses"
             )
         w = check_omega(omega)
-        model = self._held if motors == "clamped" else self.model
+        model = self._flexible if motors == "clamped" else self.model
         A = model.dynamic_stiffness(w)
         output = self.jacobian if at == "frame" else self.model.selector.T
         force = np.swapaxes(self.jacobian, 1, 2)
@@ -163,7 +163,7 @@ class ToolModel:
         return np.asarray(motions * (rows @ np.linalg.solve(A, columns)))
 
     @property
-    def _held(self) -> LinearModel:
+    def _flexible(self) -> LinearModel:
         """The model of the coordinates that clamped motors leave free."""
         loose, model = self._loose, self.model
         parts = (model.mass, model.damping, model.stiffness)
