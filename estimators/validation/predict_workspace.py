@@ -63,24 +63,20 @@ def predict_workspace(
         parts.append(predict_tool(source, some, omega=omega, spread=spread, **words))
     if progress is not None:
         progress(len(positions), len(positions))
-    return _joined(parts)
+    joined: ToolPrediction = _joined(parts)
+    return joined
 
 
-def _joined(parts: Sequence[ToolPrediction]) -> ToolPrediction:
-    """Return the predictions of all positions."""
-    arrays = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name in ("points", "directions")
-    }
-    bands = {
-        name: _joined_bands([getattr(part, name) for part in parts])
-        for name in ("compliance", "resonances", "damping", "response")
-        if getattr(parts[0], name) is not None
-    }
-    return replace(parts[0], **arrays, **bands)
+_OF_POSITIONS = {
+    ToolPrediction: ("points", "compliance", "directions", "resonances", "damping", "response"),
+    Prediction: ("positions", "values", "std", "phase_std", "lower", "upper"),
+}
 
 
-def _joined_bands(parts: Sequence[Prediction]) -> Prediction:
-    names = ("positions", "values", "std", "phase_std", "lower", "upper")
-    arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
-    return replace(parts[0], **arrays)
+def _joined(parts: Sequence[Any]) -> Any:
+    """Return predictions or arrays of all positions; None where there is nothing of any."""
+    if isinstance(parts[0], np.ndarray) or parts[0] is None:
+        return None if parts[0] is None else np.concatenate(parts)
+    names = _OF_POSITIONS[type(parts[0])]
+    values: dict[str, Any] = {name: _joined([getattr(p, name) for p in parts]) for name in names}
+    return replace(parts[0], **values)

@@ -166,8 +166,10 @@ class ToolModel:
     def _flexible(self) -> LinearModel:
         """The model of the coordinates that clamped motors leave free."""
         loose, model = self._loose, self.model
-        parts = (model.mass, model.damping, model.stiffness)
-        return LinearModel(*(a[..., loose, :][..., loose] for a in parts), model.selector[loose])
+        M, D, K = (
+            a[..., loose, :][..., loose] for a in (model.mass, model.damping, model.stiffness)
+        )
+        return LinearModel(M, D, K, model.selector[loose])
 
     @property
     def _loose(self) -> Array:
