@@ -1,11 +1,14 @@
 """The compiled loop of the plant: sampled controller, MuJoCo's dynamics, integration, friction.
 
 MuJoCo gives masses and forces; time steps are taken here, for two reasons. What depends on the
-robot's shape (mass matrix, gravity's lever arms) moves by a millionth within a sample and is
-computed once, in the middle of it, which is as accurate as a second-order method; springs, dampers
-and velocity terms, which are stiff, are integrated by a Runge-Kutta method of fourth order. That
-takes a quarter of the time of `mj_step` at the same step. And Coulomb friction stops a motor and
-holds it, where smooth approximations creep.
+robot's shape (mass matrix, gravity, velocity terms) changes little within a sample and is computed
+once, at the mean coordinates and velocities of it; springs and dampers, which are stiff, are
+integrated by a Runge-Kutta method of fourth order. And Coulomb friction stops a motor and holds it,
+where smooth approximations creep.
+
+Mean velocities are those of the step that is to be taken. So it is taken with gravity and velocity
+terms extrapolated from the samples before, and corrected by their mean at its end (a predictor and
+a corrector, of second order).
 """
 
 # numba's decorators come without types:
@@ -115,24 +118,35 @@ class Springs(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Room for one step, (d,) each.
+    """Room for one sample, (d,) each.
 
     Attributes
     ----------
-    start, before : ndarray
-        Coordinates at its start, velocities before it.
+    start, shape, mean : ndarray
+        Coordinates at its start, those at which geometry is computed, and mean velocities.
+    before : ndarray
+        Velocities before a step.
+    end_q, end_v : ndarray
+        Coordinates and velocities at its end, while MuJoCo has others.
     slope_q, slope_v : ndarray
         Increments of the Runge-Kutta method.
-    driven, others, forces : ndarray
-        Forces applied without friction, passive ones of no `Springs`, and all of them.
+    others, last : ndarray
+        Forces of gravity, velocities and no `Springs`, extrapolated; and of the sample before.
+    driven, forces : ndarray
+        Forces applied without friction, and those that accelerations are computed of.
     """
 
     start: Array
+    shape: Array
+    mean: Array
     before: Array
+    end_q: Array
+    end_v: Array
     slope_q: Array
     slope_v: Array
-    driven: Array
     others: Array
+    last: Array
+    driven: Array
     forces: Array
 
 
@@ -247,6 +261,7 @@ def closed_loop_run(
     start = drives.ratio * engine.qpos[drives.coordinate]
     last, speed, integral = start.copy(), np.zeros(n), np.zeros(n)
     impulses, lagging = np.zeros(n), gains.hold.copy()
+    _start(engine, springs, scratch)
     step, steps = sample_time / parts, -(-substeps // parts)
     for k in range(T):
         for j in range(n):
@@ -279,6 +294,15 @@ def closed_loop_run(
                 _copy(engine.qvel, motion[1, i])
             _advance(engine, springs, scratch, drives, impulses, acting[i], step, steps)
     return torque, angle, limited, delivered, acting, T
+
+
+@inlined
+def _start(engine: MujocoState, springs: Springs, scratch: Scratch) -> None:
+    """Start from a sample before in which velocities and forces were what they are now."""
+    _copy(engine.qvel, scratch.mean)
+    _compute_geometry(engine, scratch, 0.0)
+    _compute_others(engine, springs, scratch.last)
+    _copy(scratch.last, scratch.others)
 
 
 @inlined
@@ -357,7 +381,7 @@ def _advance(
     duration: float,
     substeps: int,
 ) -> None:
-    """Advance by one sample: geometry in its middle, Runge-Kutta steps, friction after each.
+    """Advance by one sample: geometry of its middle, Runge-Kutta steps, friction after each.
 
     Friction of the step before acts along, so that only what changes of it is left for afterwards:
     friction after each step alone would not be damped within it, and seem larger by half a step
@@ -365,26 +389,17 @@ def _advance(
 
     The mean torque of friction is added to what is `acting` on the motors' shafts, (n,).
     """
-    q, v, slope_q, slope_v = engine.qpos, engine.qvel, scratch.slope_q, scratch.slope_v
     h = duration / substeps
-    _freeze_geometry(engine, springs, 0.5 * duration, scratch.start, scratch.others)
+    _compute_geometry(engine, scratch, duration)
     reactions = _reactions(engine)
     _copy(engine.applied, scratch.driven)
-    for _ in range(substeps):
-        _copy(v, scratch.before)
+    for step in range(substeps):
+        _copy(engine.qvel, scratch.before)
         for j, c in enumerate(drives.coordinate):
             engine.applied[c] += impulses[j] / h
-        for stage in range(len(_A)):
-            _brake(engine, drives, scratch.driven)
-            _accelerate(engine, springs, scratch.others, scratch.forces)
-            if reactions.size > 0:
-                _constrain(engine, reactions)
-            for i in range(len(q)):
-                slope_q[i] = _A[stage] * slope_q[i] + h * v[i]
-                slope_v[i] = _A[stage] * slope_v[i] + h * engine.acceleration[i]
-            for i in range(len(q)):
-                q[i] += _B[stage] * slope_q[i]
-                v[i] += _B[stage] * slope_v[i]
+        _integrate(engine, springs, scratch, drives, reactions, h)
+        if step == substeps - 1:
+            _correct(engine, springs, scratch, reactions, duration)
         apply_coulomb_friction(engine, drives, scratch.before, impulses, h)
         for j in range(len(impulses)):
             acting[j] += impulses[j] / (duration * drives.ratio[j])
@@ -392,23 +407,39 @@ def _advance(
 
 
 @inlined
-def _accelerate(engine: MujocoState, springs: Springs, others: Array, forces: Array) -> None:
-    """Compute accelerations by forces applied, of springs and velocities, and `others`, (d,)."""
-    _mj_comVel(engine.model, engine.data)
-    _mj_rne(engine.model, engine.data, 0, engine.bias.ctypes.data)
-    for i in range(len(forces)):
-        forces[i] = engine.applied[i] + others[i] - engine.bias[i]
-    add_spring_forces(springs, engine.qpos, engine.qvel, forces, 1.0)
-    result = engine.acceleration.ctypes.data
-    _mj_solveM(engine.model, engine.data, result, forces.ctypes.data, 1)
+def _integrate(
+    engine: MujocoState,
+    springs: Springs,
+    scratch: Scratch,
+    drives: Drives,
+    reactions: Array,
+    h: float,
+) -> None:
+    """Take one Runge-Kutta step of springs, dampers and smooth friction."""
+    q, v, slope_q, slope_v = engine.qpos, engine.qvel, scratch.slope_q, scratch.slope_v
+    for stage in range(len(_A)):
+        _brake(engine, drives, scratch.driven)
+        for i in range(len(q)):
+            scratch.forces[i] = engine.applied[i] + scratch.others[i]
+        add_spring_forces(springs, q, v, scratch.forces, 1.0)
+        _accelerate(engine, scratch.forces, reactions)
+        for i in range(len(q)):
+            slope_q[i] = _A[stage] * slope_q[i] + h * v[i]
+            slope_v[i] = _A[stage] * slope_v[i] + h * engine.acceleration[i]
+        for i in range(len(q)):
+            q[i] += _B[stage] * slope_q[i]
+            v[i] += _B[stage] * slope_v[i]
 
 
 @inlined
-def _constrain(engine: MujocoState, reactions: Array) -> None:
-    """Take from the accelerations what joints would move away from those that they follow."""
-    correction = reactions @ (engine.constraints @ engine.acceleration)
-    for i in range(len(correction)):
-        engine.acceleration[i] -= correction[i]
+def _accelerate(engine: MujocoState, forces: Array, reactions: Array) -> None:
+    """Compute accelerations by `forces`, (d,), of joints with those that they follow."""
+    result = engine.acceleration.ctypes.data
+    _mj_solveM(engine.model, engine.data, result, forces.ctypes.data, 1)
+    if reactions.size > 0:
+        correction = reactions @ (engine.constraints @ engine.acceleration)
+        for i in range(len(correction)):
+            engine.acceleration[i] -= correction[i]
 
 
 @inlined
@@ -437,27 +468,63 @@ def add_spring_forces(springs: Springs, q: Array, v: Array, forces: Array, sign:
 
 
 @inlined
-def _freeze_geometry(
-    engine: MujocoState, springs: Springs, ahead: float, q0: Array, others: Array
-) -> None:
-    """Compute what depends on the robot's shape, `ahead` of the state, which stays.
+def _compute_geometry(engine: MujocoState, scratch: Scratch, duration: float) -> None:
+    """Compute what depends on the robot's shape only, at mean coordinates; the state stays.
 
-    Passive forces but those of `springs`, which follow the shape, go to `others`, (d,).
+    They are q + h v / 2 + h^2 a / 6, with accelerations from mean velocities of the sample before.
     """
-    q = engine.qpos
-    _copy(q, q0)
+    q, v = engine.qpos, engine.qvel
+    _copy(q, scratch.start)
     for i in range(len(q)):
-        q[i] += ahead * engine.qvel[i]
+        q[i] += 0.5 * duration * (v[i] + 2 / 3 * (v[i] - scratch.mean[i]))
     _mj_kinematics(engine.model, engine.data)
     _mj_comPos(engine.model, engine.data)
     _mj_makeM(engine.model, engine.data)
     _mj_factorM(engine.model, engine.data)
     if engine.balanced:
         _mj_tendon(engine.model, engine.data)
+    _copy(q, scratch.shape)
+    _copy(scratch.start, q)
+
+
+@inlined
+def _compute_others(engine: MujocoState, springs: Springs, others: Array) -> None:
+    """Compute forces of gravity, velocities and all passive ones but those of `springs`, (d,)."""
+    if engine.balanced:
         _mj_fwdVelocity(engine.model, engine.data)
         _copy(engine.passive, others)
-        add_spring_forces(springs, q, engine.qvel, others, -1.0)
-    _copy(q0, q)
+        add_spring_forces(springs, engine.qpos, engine.qvel, others, -1.0)
+    else:
+        _mj_comVel(engine.model, engine.data)
+        _mj_rne(engine.model, engine.data, 0, engine.bias.ctypes.data)
+        for i in range(len(others)):
+            others[i] = 0.0
+    for i in range(len(others)):
+        others[i] -= engine.bias[i]
+
+
+@inlined
+def _correct(
+    engine: MujocoState, springs: Springs, scratch: Scratch, reactions: Array, duration: float
+) -> None:
+    """Correct a sample's end by the forces at its mean velocities; extrapolate them to the next."""
+    q, v, forces, others = engine.qpos, engine.qvel, scratch.forces, scratch.others
+    _copy(q, scratch.end_q)
+    _copy(v, scratch.end_v)
+    for i in range(len(q)):
+        scratch.mean[i] = (q[i] - scratch.start[i]) / duration
+    _copy(scratch.shape, q)
+    _copy(scratch.mean, v)
+    _compute_others(engine, springs, forces)
+    for i in range(len(q)):
+        force = forces[i]
+        forces[i] = force - others[i]
+        others[i], scratch.last[i] = 2 * force - scratch.last[i], force
+    _accelerate(engine, forces, reactions)
+    for i in range(len(q)):
+        change_of_speed = duration * engine.acceleration[i]
+        q[i] = scratch.end_q[i] + 0.5 * duration * change_of_speed
+        v[i] = scratch.end_v[i] + change_of_speed
 
 
 @inlined
@@ -467,9 +534,9 @@ def _reactions(engine: MujocoState) -> Array:
     They are the accelerations that keep joints with those that they follow.
     """
     J = engine.constraints
-    mobility = np.zeros_like(J)
     if len(J) == 0:
-        return mobility
+        return J
+    mobility = np.zeros_like(J)
     _mj_solveM(engine.model, engine.data, mobility.ctypes.data, J.ctypes.data, len(J))
     reactions = mobility.T.copy()
     coupling = J @ reactions
@@ -491,6 +558,8 @@ def apply_coulomb_friction(
     within the step, from the velocities `before` (d,), is braked in either direction for its time:
     friction in the last direction all along would come half a step early, like a negative inertia.
     """
+    if not drives.friction.any():
+        return
     bounds = [
         _impulse_bounds(engine, drives, before, j, h, impulses[j]) for j in range(len(impulses))
     ]
