@@ -1,16 +1,15 @@
 """A study of two joints, small enough to run again and again."""
 
 import contextlib
-import io
 import re
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from command_line import oed
 from markupsafe import Markup
 
-from reports import cli, page_elements
+from reports import page_elements
 from reports.figures import svg
 
 ROBOT = (Path(__file__).parents[1] / "engines" / "two_joints.yaml").read_text(encoding="utf-8")
@@ -38,21 +37,6 @@ def write_study(folder: Path, study: str = STUDY, robot: str = ROBOT) -> Path:
     path = folder / "study.yaml"
     path.write_text(study, encoding="utf-8")
     return path
-
-
-def oed(*words: object) -> tuple[int, str, str]:
-    """Run the command line here, without progress; return exit code, output and errors."""
-    out, err, argv = io.StringIO(), io.StringIO(), sys.argv
-    sys.argv = ["oed", "--quiet", *map(str, words)]
-    try:
-        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-            cli.main()
-        code = 0
-    except SystemExit as ended:
-        code = int(ended.code or 0)
-    finally:
-        sys.argv = argv
-    return code, out.getvalue(), err.getvalue()
 
 
 @contextlib.contextmanager

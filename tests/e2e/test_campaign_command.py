@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 from browser import violations_of
-from conftest import oed
+from command_line import oed
 
 from robotmodels import load_robot
 

@@ -6,7 +6,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from conftest import oed
+from command_line import oed
 
 from oed.chain_study import paper
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import oed
+from command_line import oed
 
 from estimators.chain_dampers.chains_from_records import measured_chains
 from robotmodels.linear.chain_responses import modally_damped

@@ -4,7 +4,8 @@ import json
 import re
 
 import pytest
-from conftest import STUDY, drawn, oed, write_study
+from command_line import oed
+from conftest import STUDY, drawn, write_study
 
 SMALL = STUDY.replace("steps: 400", "steps: 200").replace("count: 12", "count: 8")
 SMALL = SMALL.replace("compare: {random: 1, runs: 12}", "compare: {runs: 0}\nprofiles: 0")

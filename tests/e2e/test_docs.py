@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 from browser import violations_of
-from conftest import drawn, oed
+from command_line import oed
+from conftest import drawn
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"

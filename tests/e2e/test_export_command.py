@@ -6,7 +6,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from conftest import ROBOT, STUDY, oed, write_study
+from command_line import oed
+from conftest import ROBOT, STUDY, write_study
 from scipy.io import loadmat
 
 import robotmodels

@@ -2,13 +2,12 @@
 
 import csv
 import io
-import sys
 
 import matplotlib.pyplot as plt
 import pytest
 from browser import chromium, open_page
+from command_line import oed
 
-from reports import cli
 from reports.page_elements import Column, Section, figure, filled, page, table
 from robotmodels.common.printing import printable
 
@@ -74,12 +73,9 @@ def test_no_cell_of_a_download_is_a_formula(shown):
 
 
 @pytest.mark.parametrize("path", ["\x1b[31mred.yaml", "a\nb.yaml", "a\x9b.yaml", "\u202egnp.yaml"])
-def test_a_terminal_obeys_no_path(path, tmp_path, capsys, monkeypatch):
+def test_a_terminal_obeys_no_path(path, tmp_path):
     for command in ("check", "run", "simulate", "frf"):
-        monkeypatch.setattr(sys, "argv", ["oed", command, str(tmp_path / path)])
-        with pytest.raises(SystemExit):
-            cli.main()
-        out, err = capsys.readouterr()
+        _, out, err = oed(command, tmp_path / path)
         assert out == ""
         assert len(err.splitlines()) == 1
         assert err.removesuffix("\n").isprintable()

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import drawn, oed
+from command_line import oed
+from conftest import drawn
 from rubbing_arm import LEVELS, rubbing_arm, rubbing_records
 
 from robotmodels import load_robot, save_robot

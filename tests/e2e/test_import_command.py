@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import yaml
 from browser import violations_of
-from conftest import oed
+from command_line import oed
 
 from robotmodels import iterate_movements
 

@@ -10,7 +10,8 @@ import time
 from pathlib import Path
 
 import pytest
-from conftest import drawn, oed, write_study
+from command_line import oed
+from conftest import drawn, write_study
 
 from oed.study import last_run, sources
 from oed.study.last_run import LastRun

@@ -6,7 +6,8 @@ import shutil
 from html import unescape
 
 import pytest
-from conftest import ROBOT, STUDY, drawn, oed, write_study
+from command_line import oed
+from conftest import ROBOT, STUDY, drawn, write_study
 
 from robotmodels.common.errors import NotIdentifiable
 

@@ -8,7 +8,8 @@ import time
 from concurrent.futures.process import BrokenProcessPool
 
 import pytest
-from conftest import ROBOT, STUDY, oed, write_study
+from command_line import oed
+from conftest import ROBOT, STUDY, write_study
 
 from estimators.sampling.log_posterior import LogPosterior
 

@@ -5,7 +5,8 @@ import re
 
 import numpy as np
 import pytest
-from conftest import drawn, oed, write_study
+from command_line import oed
+from conftest import drawn, write_study
 
 import estimators
 import robotmodels

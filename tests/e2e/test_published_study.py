@@ -6,7 +6,8 @@ import re
 import numpy as np
 import pytest
 from browser import violations_of
-from conftest import ROBOT, STUDY, drawn, oed, write_study
+from command_line import oed
+from conftest import ROBOT, STUDY, drawn, write_study
 
 import estimators
 import robotmodels

@@ -11,7 +11,8 @@ from decimal import Decimal, InvalidOperation
 import numpy as np
 import pytest
 from browser import chromium, open_page, violations
-from conftest import STUDY, oed, write_study
+from command_line import oed
+from conftest import STUDY, write_study
 
 DESKTOP, PHONE = (1280, 900), (390, 800)
 OPEN = "all => all.forEach((one) => { one.open = true; })"

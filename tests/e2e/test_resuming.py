@@ -6,7 +6,8 @@ import shutil
 import h5py
 import numpy as np
 import pytest
-from conftest import ROBOT, STUDY, drawn, oed, write_study
+from command_line import oed
+from conftest import ROBOT, STUDY, drawn, write_study
 from killed import killed_again_and_again
 
 import estimators

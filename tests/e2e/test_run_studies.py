@@ -7,7 +7,8 @@ import shutil
 import numpy as np
 import pytest
 from browser import violations_of
-from conftest import STUDY, oed, write_study
+from command_line import oed
+from conftest import STUDY, write_study
 from test_study_data import TRUTH, fitted, ran
 
 import estimators

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import oed
+from command_line import oed
 
 import robotmodels
 from estimators import read_frf, read_records, write_records

@@ -5,7 +5,8 @@ import shutil
 import h5py
 import numpy as np
 import pytest
-from conftest import STUDY, oed, write_study
+from command_line import oed
+from conftest import STUDY, write_study
 
 FILES = {"design.json", "fit.json", "uncertainty.json", "report.html", "stages", ".last-run.json"}
 STAGES = {

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import oed
+from command_line import oed
 
 import robotmodels
 from estimators import Posterior, ToolCompliance, predict

@@ -6,7 +6,8 @@ import shutil
 
 import numpy as np
 import pytest
-from conftest import STUDY, drawn, oed, write_study
+from command_line import oed
+from conftest import STUDY, drawn, write_study
 
 import estimators
 

@@ -5,7 +5,8 @@ import re
 
 import numpy as np
 import pytest
-from conftest import STUDY, oed, write_study
+from command_line import oed
+from conftest import STUDY, write_study
 
 from oed.exact.plan_score import standard_deviations
 from oed.experiment.experiment_file import load_experiment, planned_positions

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 import viser
 from browser import chromium
-from conftest import STUDY, oed, write_study
+from command_line import oed
+from conftest import STUDY, write_study
 
 import oed as what_to_measure
 from estimators import FrfEstimate, best_additions, write_frf

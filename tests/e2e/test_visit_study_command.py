@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from browser import violations_of
-from conftest import oed
+from command_line import oed
 
 from oed.experiment.experiment_plan import ExperimentPlan
 from robotmodels import Records, load_robot, save_robot

@@ -2,7 +2,10 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from robotmodels import ElasticRobot
+from robotmodels.collision.surfaces import LinkSurface
 from robotmodels.description.robot_file import RobotFile
 
 _INERTIAL = (
@@ -60,3 +63,9 @@ def arm(
         ],
     }
     return ElasticRobot(RobotFile.model_validate(content | entries), folder)
+
+
+def volume(surface: LinkSurface) -> float:
+    """Return the volume that triangles enclose, by Gauss; negative if they face inwards."""
+    a, b, c = np.swapaxes(surface.vertices[surface.faces], 0, 1)
+    return np.sum(a * np.cross(b, c)) / 6

@@ -4,9 +4,10 @@ from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
+import pytest
 import yaml
 
-from robotmodels import ElasticRobot
+from robotmodels import ElasticRobot, InvalidInput
 from robotmodels.description.robot_file import RobotFile
 
 HERE = Path(__file__).parent
@@ -15,6 +16,14 @@ HERE = Path(__file__).parent
 def built(content: dict[str, Any]) -> ElasticRobot:
     """Return the robot whose file says `content`; relative paths start in this folder."""
     return ElasticRobot(RobotFile.model_validate(content), HERE)
+
+
+def refusal(content: dict[str, Any], folder: Path = HERE) -> str:
+    """Return the one line with which a robot is refused."""
+    with pytest.raises(InvalidInput) as error:
+        ElasticRobot(RobotFile.model_validate(content), folder)
+    assert "\n" not in str(error.value)
+    return str(error.value)
 
 
 def changed(content: dict[str, Any], **entries: Any) -> dict[str, Any]:

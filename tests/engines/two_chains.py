@@ -1,6 +1,7 @@
 """A small model for statistical tests of fits: two coupled chains of two masses, quick to fit."""
 
 import numpy as np
+from derivatives import circular
 
 from estimators import FrfEstimate
 from robotmodels import CoupledChains, RelativeNoise, frequency_response
@@ -33,11 +34,6 @@ def truth(model, omega=OMEGA):
     return np.asarray(frequency_response(model, POSITIONS, omega))
 
 
-def circular(shape, rng):
-    """Circular complex normal numbers of variance one."""
-    return (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) / np.sqrt(2)
-
-
 def with_errors(response, errors, covariance, omega=OMEGA):
     return FrfEstimate(POSITIONS, omega, response + errors, covariance, np.ones(1, dtype=int))
 
@@ -45,5 +41,5 @@ def with_errors(response, errors, covariance, omega=OMEGA):
 def drawn(response, rng, noise=RelativeNoise(0.02, 0.005), omega=OMEGA, stated=1.0):  # noqa: B008
     """Return the FRFs with errors of the law, whose stated variance is `stated` times the true."""
     variance = noise.variance(response)
-    errors = np.sqrt(variance) * circular(response.shape, rng)
+    errors = np.sqrt(variance) * circular(rng, *response.shape)
     return with_errors(response, errors, stated * variance, omega)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from derivatives import circular
 
 from robotmodels.records.records import Records
 
@@ -17,14 +18,10 @@ def references(shape, rng):
     return phases[..., :, None] * FOURIER
 
 
-def circular(shape, rng):
-    return (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) / np.sqrt(2)
-
-
 def loop_spectra(runs, std, rng, blocks=10, periods=1, signal=1.0):
     """Y, U, R (runs, blocks, periods, 2, 2) with noise V of `std` on the output."""
     R = signal * references((runs, blocks), rng)[:, :, None]
-    V = std * circular((runs, blocks, periods, 2, 2), rng)
+    V = std * circular(rng, runs, blocks, periods, 2, 2)
     U = np.linalg.solve(np.eye(2) + FEEDBACK @ RESPONSE, FEEDBACK @ (R - V))
     return RESPONSE @ U + V, U, np.broadcast_to(R, U.shape)
 

@@ -4,15 +4,11 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from derivatives import circular
 from mass_springs import OMEGA, POSITIONS, MassSprings
 
 from estimators import RunSpectra
 from robotmodels.linear.response import frequency_response
-
-
-def circular(rng, *shape):
-    """Complex normal numbers of variance one."""
-    return (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) / np.sqrt(2)
 
 
 @dataclass(frozen=True, eq=False)

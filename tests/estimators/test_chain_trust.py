@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from derivatives import circular
 from scipy.linalg import expm
 
 import oed
@@ -22,10 +23,6 @@ MODELS = {
 OMEGA = 2 * np.pi * np.linspace(0.6, 15, 60)
 
 
-def circular(shape, rng):
-    return (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) / np.sqrt(2)
-
-
 def drawn(model, blocks, rng, relative=0.02):
     """FRFs as the mean over blocks, their covariance as the blocks scatter; declared where inf."""
     G = model.frequency_response(OMEGA)
@@ -33,9 +30,9 @@ def drawn(model, blocks, rng, relative=0.02):
     variance = (relative * np.abs(G)) ** 2 + (relative / 4 * largest) ** 2
     place, one = np.zeros((1, 2)), np.ones(1, dtype=int)
     if np.isinf(blocks):
-        G = G + np.sqrt(variance) * circular(G.shape, rng)
+        G = G + np.sqrt(variance) * circular(rng, *G.shape)
         return FrfEstimate(place, OMEGA, G[None], variance[None], one)
-    each = G + np.sqrt(variance * blocks) * circular((blocks, *G.shape), rng)
+    each = G + np.sqrt(variance * blocks) * circular(rng, blocks, *G.shape)
     basis = np.linalg.qr(np.column_stack([np.ones(blocks), np.eye(blocks)[:, 1:]]))[0][:, 1:]
     draws = np.tensordot(basis.T, each, 1) / np.sqrt(blocks * (blocks - 1))
     covariance = (np.abs(draws) ** 2).sum(axis=0)

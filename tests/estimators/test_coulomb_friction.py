@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from noisy_runs import SMALL, circular
+from derivatives import circular
+from noisy_runs import SMALL
 from rubbing_arm import LEVELS, rubbing_arm, rubbing_records
 from scipy.signal import lfilter
 

@@ -167,23 +167,6 @@ def _other_lines(sets):
     return [*sets[:-1], sets[-1] | {"x": np.array([1.0, 2.0, 5.0])}]
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (_without_one, "no function for position 0, response node 20, reference node 20"),
-        (_twice, "nodes 10 and 10: given twice"),
-        (_displacement, r"ordinate of type 8; accelerations \(12\) are needed"),
-        (_other_lines, "nodes 20 and 20: its frequencies differ"),
-        (lambda sets: [s | {"func_type": 1} for s in sets], "no frequency response function"),
-    ],
-)
-def test_faulty_universal_files_are_named(tmp_path, change, message):
-    path = tmp_path / "other.uff"
-    foreign(path, change)
-    with pytest.raises(InvalidInput, match=message):
-        read_frf(path, positions=np.zeros((1, 2)), noise=RelativeNoise())
-
-
 def _each(**entries):
     return lambda sets: [s | entries for s in sets]
 
@@ -229,9 +212,14 @@ def test_units_and_directions_of_universal_files_are_obeyed(tmp_path, change, fa
             ],
             r"units \(dataset 164\): code 5, .* length 1000 and force 1000; export in SI",
         ),
+        (_without_one, "no function for position 0, response node 20, reference node 20"),
+        (_twice, "nodes 10 and 10: given twice"),
+        (_displacement, r"ordinate of type 8; accelerations \(12\) are needed"),
+        (_other_lines, "nodes 20 and 20: its frequencies differ"),
+        (lambda sets: [s | {"func_type": 1} for s in sets], "no frequency response function"),
     ],
 )
-def test_other_units_of_universal_files_are_refused(tmp_path, change, message):
+def test_faulty_universal_files_are_named(tmp_path, change, message):
     path = tmp_path / "other.uff"
     foreign(path, change)
     with pytest.raises(InvalidInput, match=message):

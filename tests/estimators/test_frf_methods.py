@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
-from closed_loop import FEEDBACK, RESPONSE, circular, loop_spectra
+from closed_loop import FEEDBACK, RESPONSE, loop_spectra
+from derivatives import circular
 
 from estimators.frf.averaging import (
     METHODS,
@@ -115,7 +116,7 @@ def test_noise_and_total_covariance_agree_for_a_linear_plant():
     for name in METHODS:
         assert total[name] == pytest.approx(noise[name], rel=0.05), name
     # Negative control: distortions, the same in every period, show in the total one only.
-    distorted = Y + 0.1 * circular(Y.shape, np.random.default_rng(9))
+    distorted = Y + 0.1 * circular(np.random.default_rng(9), *Y.shape)
     G, c = estimate_and_covariance("ari", distorted, U, R)
     assert trace(c).mean() > 2 * by_noise("ari", G)
 
@@ -128,7 +129,7 @@ def test_variances_of_noise_scatter_as_the_runs_that_they_are_made_of():
     together = np.tile(np.array([[1.0, 1.0], [1.0, -1.0]]) + 0j, (B, 1, 1))
     for U, expected in ((alone, B), (together, 2 * B)):
         assert effective_runs("ari", U, U) == pytest.approx(expected, rel=1e-3)
-        error = circular((trials, B, 1, 2, 2), rng)
+        error = circular(rng, trials, B, 1, 2, 2)
         draws = noise_deviations("ari", G, error, np.zeros_like(error), U, U)
         s2 = (np.abs(draws) ** 2).sum(axis=1)
         scatter = (s2.var(axis=0) / s2.mean(axis=0) ** 2).mean()

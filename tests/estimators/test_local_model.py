@@ -2,7 +2,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from closed_loop import LINES, SAMPLE_TIME, SAMPLES, Bench, bench_records, circular, truth
+from closed_loop import LINES, SAMPLE_TIME, SAMPLES, Bench, bench_records, truth
+from derivatives import circular
 
 from estimators import local_frf
 from estimators.frf.local_rational_model import one_line
@@ -37,11 +38,11 @@ def test_a_denominator_follows_a_resonance():
 def test_models_within_reach_are_found_exactly(order, denominator):
     rng = np.random.default_rng(1)
     step = np.linspace(-1, 1, 15)
-    top = circular((order + 1, 3, 2), rng)
-    bottom = np.concatenate([[1.0], 0.3 * circular((denominator,), rng)])
+    top = circular(rng, order + 1, 3, 2)
+    bottom = np.concatenate([[1.0], 0.3 * circular(rng, denominator)])
     G = np.tensordot(step[:, None] ** np.arange(order + 1), top, 1)
     G = G / (step[:, None] ** np.arange(denominator + 1) @ bottom)[:, None, None]
-    U = circular((15, 2, 1), rng)
+    U = circular(rng, 15, 2, 1)
     found, covariance, _ = one_line(G @ U, U, step, order, denominator)
     assert np.allclose(found, top[0], atol=1e-9)
     assert np.abs(covariance).max() < 1e-18
@@ -51,12 +52,12 @@ def test_models_within_reach_are_found_exactly(order, denominator):
 def test_covariance_is_that_of_the_scatter(denominator):
     rng = np.random.default_rng(2)
     step = np.linspace(-1, 1, 13)
-    U = circular((13, 2, 1), rng)
+    U = circular(rng, 13, 2, 1)
     top = np.array([[[1.0, 0.2], [0.3, 0.8j]], [[0.5, 0.1j], [0.0, 0.4]]])
     G = (top[0] + step[:, None, None] * top[1]) / (1 + denominator * 0.4 * step)[:, None, None]
     found, claimed = [], []
     for _ in range(500):
-        V = 0.01 * circular((13, 2, 1), rng)
+        V = 0.01 * circular(rng, 13, 2, 1)
         g, c, _ = one_line(G @ U + V, U, step, 1, denominator)
         found.append(g.flatten(order="F"))
         claimed.append(np.trace(c).real)

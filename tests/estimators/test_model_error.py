@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
+from derivatives import by_logarithms, circular
 from scipy.stats import chi2, norm
-from two_chains import circular, drawn, truth, two_chains, with_errors
+from two_chains import drawn, truth, two_chains, with_errors
 
 from estimators import Prior, covariance, fit, multistart, residual_analysis
 from estimators.fitting.residuals import loss_factors
@@ -58,7 +59,7 @@ def test_noise_stated_too_small_is_found_out():
 
 def smooth_errors(rng):
     """Relative errors that last over several frequencies, as those of a wrong model do."""
-    white = circular((1, len(OMEGA) + 8, 2, 2), rng)
+    white = circular(rng, 1, len(OMEGA) + 8, 2, 2)
     smooth = sum(white[:, i : i + len(OMEGA)] for i in range(5)) / np.sqrt(5)
     return with_errors(FRF, 0.05 * FRF * smooth, (0.05 * np.abs(FRF)) ** 2, OMEGA)
 
@@ -79,7 +80,6 @@ def test_errors_that_last_over_frequencies_need_the_lags():
 
 def test_the_empirical_sandwich_as_written_out():
     found = fit(MODEL, drawn(FRF, np.random.default_rng(3), NOISE, OMEGA), "nls", "user")
-    h = 1e-6
 
     # Residuals over one minus their leverage, written out with finite differences.
     def stacked(values):
@@ -87,13 +87,7 @@ def test_the_empirical_sandwich_as_written_out():
         return np.concatenate([apart.real.ravel(), apart.imag.ravel()])
 
     at = found.parameters.values
-    slope = np.stack(
-        [
-            (stacked(at * np.exp(h * row)) - stacked(at * np.exp(-h * row))) / (2 * h)
-            for row in np.eye(4)
-        ],
-        axis=1,
-    )
+    slope = by_logarithms(stacked, at, 1e-6)
     hat = slope @ np.linalg.pinv(slope)
     scores = 2 * slope * (stacked(at) / (1 - np.diag(hat)))[:, None]
     s = scores.reshape(2, len(OMEGA), 4, 4).sum(axis=(0, 2))
@@ -203,7 +197,7 @@ def test_losses_are_scipys():
 
     rng = np.random.default_rng(8)
     variance = np.full(FRF.shape, 2.0 * np.abs(FRF).mean() ** 2 * 1e-4)
-    estimate = with_errors(FRF, np.sqrt(variance) * circular(FRF.shape, rng), variance, OMEGA)
+    estimate = with_errors(FRF, np.sqrt(variance) * circular(rng, *FRF.shape), variance, OMEGA)
 
     def residuals(x):
         apart = (estimate.response - truth(MODEL.at(TRUTH * np.exp(x)), OMEGA)).ravel()

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from derivatives import circular
 from mass_springs import OMEGA, POSITIONS
-from noisy_runs import MODEL, RESPONSE, TRUTH, F, Q, circular, noise_root, noisy_runs
+from noisy_runs import MODEL, RESPONSE, TRUTH, F, Q, noise_root, noisy_runs
 
 import oed
 from estimators import (

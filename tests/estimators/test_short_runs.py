@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from derivatives import check_gradient
 from noisy_runs import NoisySystem
 from sampled_runs import ANGLE, MODEL, TORQUE, TRUTH, sampled_records
 from sensed_springs import SensedSprings
@@ -36,15 +37,7 @@ def detected_in_a_loop(rng):
 def test_gradients_are_those_of_the_cost(draw, weighting):
     data = draw(np.random.default_rng(1))
     assert data.has_states
-    problem = RunProblem(model=MODEL, data=data, weighting=weighting, bounds=BOUNDS)
-
-    def cost(values):
-        return float(np.sum(problem.evaluate(values)[0] ** 2))
-
-    residuals, jacobian = problem.evaluate(OFF)
-    gradient = 2 * jacobian.T @ residuals
-    steps = [(cost(OFF * np.exp(h)) - cost(OFF * np.exp(-h))) / 2e-5 for h in 1e-5 * np.eye(6)]
-    np.testing.assert_allclose(gradient, steps, atol=1e-7 * np.abs(gradient).max())
+    check_gradient(RunProblem(model=MODEL, data=data, weighting=weighting, bounds=BOUNDS), OFF)
 
 
 def shares(draw, count, seed, with_states=True):

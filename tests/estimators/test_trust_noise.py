@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from derivatives import circular
 from scipy.special import polygamma
 
 from estimators.frf.pooled_noise import pooled_noise
@@ -18,13 +19,9 @@ from estimators.trust.linearised_fit import LinearisedFit
 SEEDS = range(3)
 
 
-def complex_normal(rng, shape):
-    return (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) / np.sqrt(2)
-
-
 def autoregressive_errors(rng, shape, rho):
     """Return errors (Q, R, F, k) of unit variance, correlated along the lines."""
-    errors = complex_normal(rng, shape)
+    errors = circular(rng, *shape)
     for f in range(1, shape[2]):
         errors[:, :, f] = rho * errors[:, :, f - 1] + np.sqrt(1 - rho**2) * errors[:, :, f]
     return errors
@@ -84,7 +81,7 @@ def test_a_line_has_a_share_of_its_own_where_neighbours_differ(seed):
     rng = np.random.default_rng(seed)
     nu, lines = 19, 60
     smooth, rough = np.ones(lines), np.exp(rng.standard_normal(lines))
-    draws = complex_normal(rng, (1, nu, lines, 2)) / np.sqrt(nu)
+    draws = circular(rng, 1, nu, lines, 2) / np.sqrt(nu)
     draws = draws * np.sqrt(np.stack([smooth, rough], axis=-1))
     noise = pooled_noise((np.abs(draws) ** 2).sum(axis=1), np.array([float(nu)]), draws)
     assert noise.line_share[0, 0, 0] < 0.3
@@ -106,7 +103,7 @@ def test_variances_follow_resonances_of_one_line_by_their_gains(seed):
     alone = pooled_noise(s2, np.array([float(nu)])).variance
     assert np.abs(np.log(alone / true)).max() > 4.0
     # Were errors larger than the gains, they would not weight themselves.
-    noisy = 30 * np.sqrt(s2) * complex_normal(rng, s2.shape)
+    noisy = 30 * np.sqrt(s2) * circular(rng, *s2.shape)
     buried = pooled_noise(s2 / s2, np.array([float(nu)]), response=noisy)
     np.testing.assert_allclose(buried.variance, buried.variance.mean(), rtol=1e-6)
 
@@ -165,7 +162,7 @@ def test_white_deviations_are_called_white():
     alarms = 0
     for seed in range(200):
         rng = np.random.default_rng(seed)
-        draws = complex_normal(rng, (1, 3, 40, 2))
+        draws = circular(rng, 1, 3, 40, 2)
         fit = linear_fit(np.zeros((1, 40, 2), complex), np.ones((1, 40, 2, 1)), None, draws, 3)
         alarms += not correlation_of_deviations(fit).white
     assert alarms <= 4
@@ -174,8 +171,8 @@ def test_white_deviations_are_called_white():
 def test_autocovariances_are_corrected_as_brute_force_matrices_do():
     rng = np.random.default_rng(4)
     Q, F, k, p, lags = 2, 12, 2, 3, 4
-    J = complex_normal(rng, (Q, F, k, p))
-    fit = linear_fit(complex_normal(rng, (Q, F, k)), J, np.ones((Q, F, k)))
+    J = circular(rng, Q, F, k, p)
+    fit = linear_fit(circular(rng, Q, F, k), J, np.ones((Q, F, k)))
     B = _corrections(fit, J, fit.rows, np.ones((Q, F, k)), lags)
     # Real numbers: errors (Re e, Im e); the fit takes J Re(A e) away.
     stacked = np.concatenate([J.reshape(-1, p).real, J.reshape(-1, p).imag])
@@ -226,10 +223,10 @@ def test_the_order_and_the_correlations_of_an_autoregressive_process():
 
 def test_correlated_elements_count_as_fewer():
     rng = np.random.default_rng(0)
-    common = complex_normal(rng, (1, 19, 60, 1))
+    common = circular(rng, 1, 19, 60, 1)
     draws = np.repeat(common, 4, axis=-1)
     same = linear_fit(np.zeros((1, 60, 4), complex), np.ones((1, 60, 4, 1)), None, draws, 19)
     assert element_correlation(same) == pytest.approx(4, rel=0.02)
-    draws = complex_normal(rng, (1, 19, 60, 4))
+    draws = circular(rng, 1, 19, 60, 4)
     other = linear_fit(np.zeros((1, 60, 4), complex), np.ones((1, 60, 4, 1)), None, draws, 19)
     assert element_correlation(other) == pytest.approx(1, abs=0.2)

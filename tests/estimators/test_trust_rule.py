@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from derivatives import circular
 from noisy_runs import MODEL, TRUTH, noisy_runs
 from scipy.stats import chi2, ks_1samp, norm, t as student
 from trust_cells import Cell, linearisation_of, one_step, simulate
@@ -21,22 +22,18 @@ from estimators.trust.rule import gather_evidence, judge, with_columns, with_pri
 Q, F, K, P = 2, 20, 2, 3
 
 
-def complex_normal(rng, shape):
-    return (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) / np.sqrt(2)
-
-
 def fit_of(rng, nu=np.inf, jacobian=None, prior=None):
     """Return a fit after its linear step, and the step."""
-    J = complex_normal(np.random.default_rng(99), (Q, F, K, P)) if jacobian is None else jacobian
+    J = circular(np.random.default_rng(99), Q, F, K, P) if jacobian is None else jacobian
     p = J.shape[-1]
     deviations = None
     variance = np.ones((Q, F, K))
     if np.isfinite(nu):
-        deviations = complex_normal(rng, (Q, int(nu), F, K)) / np.sqrt(nu)
+        deviations = circular(rng, Q, int(nu), F, K) / np.sqrt(nu)
         variance = (np.abs(deviations) ** 2).sum(axis=1)
     fit = LinearisedFit(
         names=tuple("abcdef"[:p]),
-        residuals=complex_normal(rng, (Q, F, K)),
+        residuals=circular(rng, Q, F, K),
         jacobian=J,
         weights=np.ones((Q, F, K)),
         noise_weights=np.ones((Q, F, K)),
@@ -68,7 +65,7 @@ def test_errors_of_parameters_are_no_size_of_residuals():
         std = np.where(np.arange(F) % 2, 1.0, 1e-3)[:, None]
         noisy = replace(
             fit,
-            residuals=complex_normal(rng, (Q, F, K)) * std,
+            residuals=circular(rng, Q, F, K) * std,
             covariance=fit.covariance * std**2,
             noise_weights=fit.noise_weights / std**2,
         )
@@ -108,7 +105,7 @@ def test_errors_over_the_scatter_of_one_line_follow_the_t_law(nu):
         rows = np.zeros((1, Q, F, K), complex)
         rows[0, 0, 3] = [1.0, 2j]
         scatter = line_scatter(fit, rows, white_errors(F))
-        error = fit.estimates(rows, complex_normal(rng, (Q, F, K)))[0]
+        error = fit.estimates(rows, circular(rng, Q, F, K))[0]
         ratios.append(error / np.sqrt(scatter.variance[0]))
     assert ks_1samp(ratios, student(2 * nu).cdf).pvalue > 1e-4
     if nu == 1:
@@ -122,7 +119,7 @@ def test_single_residuals_have_the_exact_law(nu):
     probabilities = []
     for _ in range(20):
         other, _ = fit_of(rng, nu=nu)
-        other = replace(other, residuals=complex_normal(rng, (Q, F, K)))
+        other = replace(other, residuals=circular(rng, Q, F, K))
         probabilities.append(line_probabilities(other).ravel())
     pooled = np.concatenate(probabilities)
     assert ks_1samp(pooled, lambda p: p).pvalue > 1e-4
@@ -147,7 +144,7 @@ def test_the_size_of_residuals_fires_as_often_as_stated(nu):
 @pytest.mark.parametrize("nu", [3, np.inf])
 def test_the_expectation_of_the_residuals_size_allows_for_the_fit(nu):
     rng = np.random.default_rng(5)
-    J = complex_normal(rng, (Q, F, K, 6))
+    J = circular(rng, Q, F, K, 6)
     ratios = [residual_size(fit_of(rng, nu, J)[0], white_errors(F)).ratio for _ in range(400)]
     assert np.mean(ratios) == pytest.approx(1.0, abs=0.03)
 
@@ -156,7 +153,7 @@ def test_the_expectation_of_the_residuals_size_allows_for_the_fit(nu):
 def test_a_directed_test_is_a_refit_with_one_more_parameter(nu):
     rng = np.random.default_rng(6)
     fit, _ = fit_of(rng, nu=nu)
-    column = complex_normal(rng, (Q, F, K, 1))
+    column = circular(rng, Q, F, K, 1)
     directions = Directions(("x",), ("-",), column, np.zeros((Q, F, K, P), complex))
     std = np.sqrt(line_scatter(fit, fit.rows, white_errors(F)).variance)
     test = directed_tests(fit, directions, white_errors(F), std)
@@ -190,7 +187,7 @@ def test_shifts_by_errors_of_the_model_are_those_of_refits(gain, noise):
 def test_directions_of_the_parameters_are_not_tested():
     rng = np.random.default_rng(7)
     fit, _ = fit_of(rng)
-    columns = np.concatenate([fit.jacobian[..., :1], complex_normal(rng, (Q, F, K, 1))], axis=-1)
+    columns = np.concatenate([fit.jacobian[..., :1], circular(rng, Q, F, K, 1)], axis=-1)
     directions = Directions(("a again", "x"), ("-", "-"), columns, np.zeros_like(fit.jacobian))
     tests = directed_tests(fit, directions, white_errors(F), np.ones(P))
     assert tests.names == ("x",)
@@ -199,7 +196,7 @@ def test_directions_of_the_parameters_are_not_tested():
 def test_a_prior_is_as_certain_as_it_says():
     """Where data say nothing of a parameter, its variance is the prior's."""
     rng = np.random.default_rng(8)
-    J = complex_normal(rng, (Q, F, K, P))
+    J = circular(rng, Q, F, K, P)
     J[..., 2] = 0
     prior = np.diag([0.0, 30.0, 4.0])
     fit, _ = fit_of(rng, jacobian=J, prior=prior)
@@ -214,7 +211,7 @@ def evidence_of(**changes):
     """Return evidence with which nothing is wrong, but for changes."""
     rng = np.random.default_rng(0)
     fit, _ = fit_of(rng)
-    column = complex_normal(rng, (Q, F, K, 1))
+    column = circular(rng, Q, F, K, 1)
     direction = Directions(("x",), ("-",), column, np.zeros((Q, F, K, P), complex))
     evidence = gather_evidence(fit, direction)
     return replace(
@@ -347,7 +344,7 @@ def test_an_outlier_is_found_where_it_is(nu, seed):
     """Also where the outlier alone makes the residuals many times too large."""
     rng = np.random.default_rng(seed)
     fit, _ = fit_of(rng, nu=nu)
-    column = complex_normal(rng, (Q, F, K, 1))
+    column = circular(rng, Q, F, K, 1)
     direction = Directions(("x",), ("-",), column, np.zeros((Q, F, K, P), complex))
     residuals = fit.residuals.copy()
     residuals[1, 7, 1] = 30 * np.sqrt(fit.element_variances[1, 7, 1])

@@ -1,23 +1,12 @@
 import json
-import sys
 
 import pytest
+from command_line import oed
 
 from reports import application, cli
 
 
-@pytest.fixture
-def oed(monkeypatch, capsys):
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["oed", *(["--quiet"] if words else []), *words])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        return (ended.value.code or 0, *capsys.readouterr())
-
-    return run
-
-
-def test_check_shows_parameters_coordinates_and_resonances(oed):
+def test_check_shows_parameters_coordinates_and_resonances():
     code, out, err = oed("check", "ur10")
     assert (code, err) == (0, "")
     assert "26 of 36 parameters free" in out
@@ -36,7 +25,7 @@ def test_an_interrupt_while_the_command_loads_ends_it_quietly(monkeypatch, capsy
     assert (ended.value.code, *capsys.readouterr()) == (130, "", "")
 
 
-def test_check_takes_a_position_in_degrees(oed):
+def test_check_takes_a_position_in_degrees():
     _, there, _ = oed("check", "ur10", "--position", "0,-90,90,0,45,0")
     _, elsewhere, _ = oed("check", "ur10", "--position=0,-30,20,0,45,0")
     assert "position: 0°, -90°, 90°, 0°, 45°, 0°" in there
@@ -60,7 +49,7 @@ def test_check_takes_a_position_in_degrees(oed):
         (("schema", "sutdy"), "'study', 'experiment', 'robot'"),
     ],
 )
-def test_mistakes_end_in_one_line(oed, words, said):
+def test_mistakes_end_in_one_line(words, said):
     code, out, err = oed(*words)
     assert (code, out) == (2, "")
     assert err.startswith("error: ")
@@ -68,7 +57,7 @@ def test_mistakes_end_in_one_line(oed, words, said):
     assert said in err
 
 
-def test_a_long_key_leaves_file_and_remedy_to_be_read(oed, tmp_path):
+def test_a_long_key_leaves_file_and_remedy_to_be_read(tmp_path):
     path = tmp_path / "robot.yaml"
     path.write_text(f"schema: robot/1\nname: long\n? {'x' * 20_000}\n: 1\n", encoding="utf-8")
     code, out, err = oed("check", str(path))
@@ -95,7 +84,7 @@ EXPERIMENT = "schema: experiment/1\nrobot: ur10\n"
     ],
 )
 def test_a_file_of_another_kind_is_told_with_the_command_that_takes_it(
-    oed, tmp_path, command, content, said
+    tmp_path, command, content, said
 ):
     path = tmp_path / "given.yaml"
     path.write_text(content, encoding="utf-8")
@@ -106,21 +95,21 @@ def test_a_file_of_another_kind_is_told_with_the_command_that_takes_it(
         assert words in err
 
 
-def test_the_folder_of_a_study_is_no_study(oed, tmp_path):
+def test_the_folder_of_a_study_is_no_study(tmp_path):
     (tmp_path / "study.yaml").write_text(STUDY, encoding="utf-8")
     code, _, err = oed("run", str(tmp_path))
     assert code == 2
     assert f"did you mean {tmp_path / 'study.yaml'}?" in err
 
 
-def test_init_says_which_files_it_takes(oed, tmp_path):
+def test_init_says_which_files_it_takes(tmp_path):
     (tmp_path / "README.md").write_text("# Title\n", encoding="utf-8")
     code, _, err = oed("init", str(tmp_path / "README.md"))
     assert code == 2
     assert "a URDF (.urdf), xacro (.xacro), MJCF (.xml) or robot file (.yaml) is needed" in err
 
 
-def test_help_shows_examples(oed):
+def test_help_shows_examples():
     code, out, _ = oed("run", "--help")
     assert code == 0
     assert "oed run studies/ur10.yaml" in out
@@ -145,14 +134,14 @@ def test_help_shows_examples(oed):
         "schema",
     ],
 )
-def test_every_command_shows_an_example(oed, command):
+def test_every_command_shows_an_example(command):
     code, out, err = oed(command, "--help")
     assert (code, err) == (0, "")
     assert f"Example: oed {command}" in out
 
 
 @pytest.mark.parametrize("kind", ["study", "experiment", "robot", "import"])
-def test_schemas_describe_the_files(oed, kind):
+def test_schemas_describe_the_files(kind):
     code, out, _ = oed("schema", kind)
     schema = json.loads(out)
     assert code == 0
@@ -160,20 +149,20 @@ def test_schemas_describe_the_files(oed, kind):
     assert schema["additionalProperties"] is False
 
 
-def test_version_and_nothing(oed):
+def test_version_and_nothing():
     assert oed("--version")[1].startswith("oed 0.")
     code, out, err = oed()
     assert (code, err) == (2, "")
     assert "frf" in out
 
 
-def test_json_is_all_there_is(oed):
+def test_json_is_all_there_is():
     code, out, err = oed("check", "ur10", "--json")
     assert (code, err) == (0, "")
     assert json.loads(out)["robot"] == "ur10"
 
 
-def test_the_shell_completes_commands_and_robots(monkeypatch, oed):
+def test_the_shell_completes_commands_and_robots(monkeypatch):
     monkeypatch.setenv("_OED_COMPLETE", "complete_bash")
     monkeypatch.setenv("COMP_WORDS", "oed check man")
     monkeypatch.setenv("COMP_CWORD", "2")

@@ -2,12 +2,12 @@
 
 import errno
 import resource
-import sys
 from concurrent.futures import CancelledError
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from command_line import oed
 
 from reports import application, cli
 from reports.commands.options import about
@@ -116,14 +116,11 @@ def test_hdf5_tells_of_a_full_disk_in_words():
 
 
 @pytest.mark.parametrize("command", ["check", "run", "simulate", "frf"])
-def test_a_folder_is_no_file(command, monkeypatch, capsys, tmp_path):
+def test_a_folder_is_no_file(command, tmp_path):
     folder = tmp_path / "robot.yaml"
     folder.mkdir()
-    monkeypatch.setattr(sys, "argv", ["oed", command, str(folder)])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    out, err = capsys.readouterr()
-    assert (ended.value.code, out) == (2, "")
+    code, out, err = oed(command, folder)
+    assert (code, out) == (2, "")
     assert str(folder) in err
     assert "Errno" not in err
     assert len(err.splitlines()) == 1

@@ -1,16 +1,15 @@
 """``oed hammer``: hits together with what motor-side data have told, and alone."""
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from command_line import oed
 from robots import HERE, built
 
 from estimators import covariance, fit, simulate_frf, write_frf
-from reports import cli
 from robotmodels import Frame, HammerTest, RelativeNoise, load_robot, save_robot
 
 SENSORS = [
@@ -22,13 +21,6 @@ ROBOT = built(CONTENT)
 POSITIONS = np.array([[-0.8, 0.4], [-1.2, 0.9], [-0.4, -0.8]])
 OMEGA = 2 * np.pi * np.geomspace(4.0, 50.0, 15)
 OPTIONS = ("--link=tool0", "--at=0,0,0.1", "--direction=1,0,0", "--direction=0,0,1")
-
-
-def oed(monkeypatch: pytest.MonkeyPatch, capsys, *words: str) -> tuple[object, str, str]:
-    monkeypatch.setattr(sys, "argv", ["oed", "hammer", *words])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    return (ended.value.code or 0, *capsys.readouterr())
 
 
 @pytest.fixture
@@ -47,10 +39,10 @@ def before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> np.ndarray:
     return known
 
 
-def test_informations_of_both_add_up(before, monkeypatch, capsys) -> None:
+def test_informations_of_both_add_up(before) -> None:
     stds = []
     for words in ((), ("--alone",)):
-        code, out, err = oed(monkeypatch, capsys, "robot.yaml", "hits.h5", *OPTIONS, *words)
+        code, out, err = oed("hammer", "robot.yaml", "hits.h5", *OPTIONS, *words)
         assert (code, err) == (0, "")
         assert ("3 positions, alone" in out) == bool(words)
         robot = load_robot("two joints_identified.yaml")
@@ -73,17 +65,17 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize("words", MISTAKES)
-def test_mistakes_are_one_line(words, before, monkeypatch, capsys) -> None:
+def test_mistakes_are_one_line(words, before) -> None:
     if "--link=toool" in words:
         words = (*words, "--direction=1,0,0")
-    code, _, err = oed(monkeypatch, capsys, "robot.yaml", "hits.h5", *words)
+    code, _, err = oed("hammer", "robot.yaml", "hits.h5", *words)
     assert code == 2
     assert MISTAKES.get(words, "error: hammer test: frame: 'toool' is not a link") in err
     assert err.count("\n") == 1
 
 
-def test_the_document_has_the_intervals(before, monkeypatch, capsys) -> None:
-    code, out, _ = oed(monkeypatch, capsys, "robot.yaml", "hits.h5", *OPTIONS, "--json")
+def test_the_document_has_the_intervals(before) -> None:
+    code, out, _ = oed("hammer", "robot.yaml", "hits.h5", *OPTIONS, "--json")
     assert code == 0
     document = json.loads(out)
     assert document["schema"] == "hammer/1"

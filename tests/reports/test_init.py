@@ -1,14 +1,13 @@
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from command_line import oed
 
 from oed import Workcell, candidate_positions
 from oed.candidates.screening import usable
 from oed.study.settings.study_file import load_study
-from reports import cli
 from reports.commands.init_files import default_folder, starter_files, write_starter_files
 from reports.commands.init_study import grid_points, noise_floor
 from reports.commands.yaml_text import yaml_word
@@ -48,17 +47,6 @@ def urdf(tmp_path):
     path = tmp_path / "arm.urdf"
     path.write_text(URDF, encoding="utf-8")
     return path
-
-
-@pytest.fixture
-def oed(monkeypatch, capsys):
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["oed", "--quiet", *map(str, words)])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        return (ended.value.code or 0, *capsys.readouterr())
-
-    return run
 
 
 @pytest.mark.parametrize(
@@ -108,7 +96,7 @@ def test_ranges_of_guesses_hold_the_springs_of_the_built_in_robots():
     assert np.mean(3 * off < 2) < 0.8  # ranges of a third would not do
 
 
-def test_a_urdf_becomes_a_robot_and_a_study_that_load(urdf, oed, tmp_path):
+def test_a_urdf_becomes_a_robot_and_a_study_that_load(urdf, tmp_path):
     code, out, err = oed("init", urdf, "-o", tmp_path / "new")
     assert (code, err) == (0, "")
     assert "oed check" in out
@@ -141,7 +129,7 @@ def test_a_study_of_a_robot_file_is_named_after_its_folder(tmp_path):
     assert default_folder(str(tmp_path / "welder" / "robot.yaml")) == Path("welder")
 
 
-def test_nothing_is_overwritten(urdf, oed, tmp_path):
+def test_nothing_is_overwritten(urdf, tmp_path):
     (tmp_path / "study.yaml").write_text("mine", encoding="utf-8")
     code, out, err = oed("init", urdf, "-o", tmp_path)
     assert (code, out) == (2, "")
@@ -151,7 +139,7 @@ def test_nothing_is_overwritten(urdf, oed, tmp_path):
 
 
 @pytest.mark.parametrize("robot", ["moberg_axis1", "absent", "absent.urdf"])
-def test_init_of_a_builtin_robot_and_of_none(robot, oed, tmp_path):
+def test_init_of_a_builtin_robot_and_of_none(robot, tmp_path):
     code, out, err = oed("init", robot, "-o", tmp_path / "new one")
     if robot == "moberg_axis1":
         assert code == 0

@@ -2,17 +2,16 @@
 
 import csv
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from command_line import oed
 from robots import HERE
 
 import robotmodels
 from estimators import predict
-from reports import cli
 from robotmodels import Frame
 
 AT = "--position=-45,20"
@@ -27,16 +26,9 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     return "robot.yaml"
 
 
-def oed(monkeypatch: pytest.MonkeyPatch, capsys, *words: str) -> tuple[object, str, str]:
-    monkeypatch.setattr(sys, "argv", ["oed", "--quiet", *words])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    return (ended.value.code or 0, *capsys.readouterr())
-
-
-def test_predictions_are_written_as_the_library_has_them(robot, monkeypatch, capsys) -> None:
+def test_predictions_are_written_as_the_library_has_them(robot) -> None:
     words = ("--at=0,0,0.1", "--link=tool0", "--frequencies=2,40,5", "--json")
-    code, out, err = oed(monkeypatch, capsys, "predict", robot, AT, *words)
+    code, out, err = oed("predict", robot, AT, *words)
     assert (code, err) == (0, "")
     content = json.loads(out)
     model, positions = robotmodels.load_robot(robot), np.deg2rad([[-45.0, 20.0]])
@@ -58,8 +50,8 @@ def test_predictions_are_written_as_the_library_has_them(robot, monkeypatch, cap
     assert "Responses" in Path("prediction.html").read_text()
 
 
-def test_maps_show_the_workspace(robot, monkeypatch, capsys) -> None:
-    code, out, _ = oed(monkeypatch, capsys, "predict", robot, "--map=8", "--modes=1", "-o", "map")
+def test_maps_show_the_workspace(robot) -> None:
+    code, out, _ = oed("predict", robot, "--map=8", "--modes=1", "-o", "map")
     assert code == 0
     assert "tool0 at 0, 0, 0 m" in out
     page = Path("map/prediction.html").read_text()
@@ -74,10 +66,10 @@ def test_maps_show_the_workspace(robot, monkeypatch, capsys) -> None:
     assert len(Path("map/prediction.csv").read_text().splitlines()) == 9
 
 
-def test_bands_by_draws_are_near_those_by_derivatives(robot, monkeypatch, capsys) -> None:
+def test_bands_by_draws_are_near_those_by_derivatives(robot) -> None:
     std = []
     for words in (("--draws=60", "--seed=3"), ()):
-        code, out, _ = oed(monkeypatch, capsys, "predict", robot, AT, "--json", *words)
+        code, out, _ = oed("predict", robot, AT, "--json", *words)
         assert code == 0
         std.append(np.array(json.loads(out)["compliance"]["std"])[0, :2])
     ratio = std[0] / std[1]  # 9 % of scatter
@@ -86,12 +78,12 @@ def test_bands_by_draws_are_near_those_by_derivatives(robot, monkeypatch, capsys
     assert (ratio != 1).all()
 
 
-def test_margins_are_those_of_the_controller(robot, monkeypatch, capsys) -> None:
+def test_margins_are_those_of_the_controller(robot) -> None:
     motor = {"numerator": [40.0 * 0.08, 40.0], "denominator": [0.004, 1.0]}
     content = {"schema": "controller/1", "motors": [motor, motor]}
     Path("controller.json").write_text(json.dumps(content))
     words = ("--controller=controller.json", "--draws=6")
-    code, out, err = oed(monkeypatch, capsys, "margins", robot, AT, *words)
+    code, out, err = oed("margins", robot, AT, *words)
     assert (code, err) == (0, "")
     assert "of 6 draws" in out
     assert "unstable open-loop poles: stable" in out
@@ -119,11 +111,11 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize("words", MISTAKES)
-def test_mistakes_are_one_line(words, robot, monkeypatch, capsys) -> None:
+def test_mistakes_are_one_line(words, robot) -> None:
     command, option = words
     motor = {"numerator": [1.0], "denominator": [1.0]}
     Path("one_motor.json").write_text(json.dumps({"schema": "controller/1", "motors": [motor]}))
-    code, _, err = oed(monkeypatch, capsys, command, robot, option)
+    code, _, err = oed(command, robot, option)
     assert code == 2
     assert MISTAKES[words] in err
     assert err.count("\n") == 1
@@ -138,14 +130,14 @@ def test_mistakes_are_one_line(words, robot, monkeypatch, capsys) -> None:
         ("margins", "--controller=absent.json"),
     ],
 )
-def test_mistakes_are_told_before_a_robot_is_read(words, monkeypatch, capsys, tmp_path) -> None:
+def test_mistakes_are_told_before_a_robot_is_read(words, monkeypatch, tmp_path) -> None:
     monkeypatch.chdir(tmp_path)
-    code, _, err = oed(monkeypatch, capsys, words[0], "absent_robot", words[1])
+    code, _, err = oed(words[0], "absent_robot", words[1])
     assert code == 2
     assert "absent_robot" not in err
 
 
-def test_robots_without_deviations_say_so(monkeypatch, capsys) -> None:
-    code, _, err = oed(monkeypatch, capsys, "predict", "ur10")
+def test_robots_without_deviations_say_so() -> None:
+    code, _, err = oed("predict", "ur10")
     assert code == 2
     assert "no standard deviation of a free parameter" in err

@@ -5,11 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from command_line import oed
 from robots import BALANCED, CRANE, SENSED, built
 from typer.testing import CliRunner
 
 import robotmodels
-from reports import application, cli
+from reports import application
 from reports.commands.check_options import read_band, read_position
 from reports.summaries.robot_summary import robot_json, robot_summary
 from robotmodels import ElasticRobot, InvalidInput
@@ -157,18 +158,9 @@ def test_bands_that_cannot_be(words: str, message: str) -> None:
         (["ur10", "--band", "80,2"], "the lower first"),
     ],
 )
-def test_a_mistake_is_one_line_and_exit_code_2(
-    words: list[str],
-    message: str,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("sys.argv", ["oed", "check", *words])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    assert ended.value.code == 2
-    out, err = capsys.readouterr()
-    assert out == ""
+def test_a_mistake_is_one_line_and_exit_code_2(words: list[str], message: str) -> None:
+    code, out, err = oed("check", *words)
+    assert (code, out) == (2, "")
     assert len(err.splitlines()) == 1
     assert message in err
 

@@ -1,14 +1,13 @@
 """``oed sensors``."""
 
 import json
-import sys
 from pathlib import Path
 
 import pytest
 import yaml
+from command_line import oed
 
 import robotmodels
-from reports import cli
 from robotmodels.description.robot_file import read_robot_file
 
 
@@ -37,16 +36,9 @@ def study(tmp_path: Path) -> Path:
     return tmp_path / "study.yaml"
 
 
-def oed(monkeypatch: pytest.MonkeyPatch, capsys, *words: str) -> tuple[object, str, str]:
-    monkeypatch.setattr(sys, "argv", ["oed", "--quiet", "sensors", *words])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    return (ended.value.code or 0, *capsys.readouterr())
-
-
-def test_what_informs_is_bought_within_the_budget(study, monkeypatch, capsys) -> None:
+def test_what_informs_is_bought_within_the_budget(study) -> None:
     prices = ("--price", "shoulder=5", "--price=elbow=5", "--price=twin=0.5")
-    code, out, err = oed(monkeypatch, capsys, str(study), "--budget=10", "--json", *prices)
+    code, out, err = oed("sensors", str(study), "--budget=10", "--json", *prices)
     assert (code, err) == (0, "")
     content = json.loads(out)
     assert content["sensors"] == ["elbow", "shoulder"]
@@ -54,11 +46,11 @@ def test_what_informs_is_bought_within_the_budget(study, monkeypatch, capsys) ->
     # The current of a motor of a known torque tells nothing of springs.
     assert content["relative_efficiency"]["twin"] == pytest.approx(1.0)
     assert content["relative_efficiency"]["elbow"] < 0.95
-    _, out, _ = oed(monkeypatch, capsys, str(study), "--budget=9", *prices)
+    _, out, _ = oed("sensors", str(study), "--budget=9", *prices)
     assert "for 5.5" in out
 
 
-def test_wrong_prices(study, monkeypatch, capsys) -> None:
+def test_wrong_prices(study) -> None:
     for words, message in (
         (("--price=elbow",), "--price elbow: NAME=PRICE is needed, such as tip=900"),
         (("--price=elbow=-1",), "--price elbow=-1: NAME=PRICE"),
@@ -67,6 +59,6 @@ def test_wrong_prices(study, monkeypatch, capsys) -> None:
             "no output of the robot beside motors' encoders (did you mean 'elbow'",
         ),
     ):
-        code, _, err = oed(monkeypatch, capsys, str(study), "--budget=1", *words)
+        code, _, err = oed("sensors", str(study), "--budget=1", *words)
         assert code == 2
         assert message in err

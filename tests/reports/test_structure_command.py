@@ -1,26 +1,18 @@
 """``oed structure``: springs that a study's data ask for."""
 
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from command_line import oed
 
 from estimators import simulate_frf, write_frf
-from reports import cli
 from robotmodels import RelativeNoise, load_robot, possible_springs, save_robot, with_springs
 
 ROBOT = load_robot("moberg_axis1")
-
-
-def oed(monkeypatch: pytest.MonkeyPatch, capsys, *words: str) -> tuple[object, str, str]:
-    monkeypatch.setattr(sys, "argv", ["oed", "--quiet", "structure", *words])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    return (ended.value.code or 0, *capsys.readouterr())
 
 
 @pytest.fixture
@@ -46,8 +38,8 @@ def study(tmp_path: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_the_hidden_spring_is_named_and_the_robot_written(study, monkeypatch, capsys) -> None:
-    code, out, err = oed(monkeypatch, capsys, str(study), "--json", "--most", "2")
+def test_the_hidden_spring_is_named_and_the_robot_written(study) -> None:
+    code, out, err = oed("structure", str(study), "--json", "--most", "2")
     assert code == 0, err
     content = json.loads(out)
     names = {spring["name"]: spring for spring in content["springs"]}
@@ -62,11 +54,11 @@ def test_the_hidden_spring_is_named_and_the_robot_written(study, monkeypatch, ca
     assert {spring.name for spring in robot.file.springs} >= set(names)
 
 
-def test_score_tests_without_a_choice(study, monkeypatch, capsys) -> None:
+def test_score_tests_without_a_choice(study) -> None:
     content = yaml.safe_load(study.read_text())
     del content["design"]["distinguish"]
     study.write_text(yaml.safe_dump(content))
-    code, out, err = oed(monkeypatch, capsys, str(study), "--most", "0")
+    code, out, err = oed("structure", str(study), "--most", "0")
     assert code == 0, err
     assert "0 springs added: no more than 0 were requested" in out
     assert "arm1 67 % z" in out
@@ -87,13 +79,13 @@ def test_score_tests_without_a_choice(study, monkeypatch, capsys) -> None:
     )
 
 
-def test_a_wrong_number_of_the_robot_file_puts_springs_in_doubt(study, monkeypatch, capsys) -> None:
+def test_a_wrong_number_of_the_robot_file_puts_springs_in_doubt(study) -> None:
     late = ROBOT.file.model_copy(update={"delay": 2e-3})
     save_robot(replace(ROBOT, file=late), study.parent / "truth.yaml")
     content = yaml.safe_load(study.read_text())
     del content["design"]["distinguish"]
     study.write_text(yaml.safe_dump(content))
-    code, out, err = oed(monkeypatch, capsys, str(study), "--most", "0")
+    code, out, err = oed("structure", str(study), "--most", "0")
     assert code == 0, err
     assert "the data contradict delay" in " ".join(out.split())
     document = json.loads((study.parent / "out" / "structure.json").read_text())
@@ -103,31 +95,26 @@ def test_a_wrong_number_of_the_robot_file_puts_springs_in_doubt(study, monkeypat
     assert "The data contradict delay" in page
 
 
-def test_predictions_of_a_fit_that_lacks_a_spring_say_so(study, monkeypatch, capsys) -> None:
+def test_predictions_of_a_fit_that_lacks_a_spring_say_so(study) -> None:
     content = yaml.safe_load(study.read_text())
     del content["design"]["distinguish"]
     study.write_text(yaml.safe_dump(content))
     for words in (["predict"], ["margins", "--draws", "2"]):
-        monkeypatch.setattr(sys, "argv", ["oed", "--quiet", words[0], str(study), *words[1:]])
-        with pytest.raises(SystemExit):
-            cli.main()
-        out, err = capsys.readouterr()
+        _, out, err = oed(words[0], study, *words[1:])
         assert out.startswith("Model error: do not quote these numbers; "), err
     for name in ("prediction", "margins"):
         written = json.loads((study.parent / "out" / f"{name}.json").read_text())
         assert written["verdict"] == "model error"
 
 
-def test_a_level_that_is_none_is_refused(study, monkeypatch, capsys) -> None:
-    code, out, err = oed(monkeypatch, capsys, str(study), "--level", "0")
+def test_a_level_that_is_none_is_refused(study) -> None:
+    code, out, err = oed("structure", str(study), "--level", "0")
     assert (code, out) == (2, "")
     assert "level 0" in err
 
 
 @pytest.mark.slow
-def test_wrong_steps_are_exchanged_and_dropped_and_positions_held_out_say_so(
-    tmp_path, monkeypatch, capsys
-) -> None:
+def test_wrong_steps_are_exchanged_and_dropped_and_positions_held_out_say_so(tmp_path) -> None:
     robot = load_robot("manutec_r3")
     spring = next(spring for spring in possible_springs(robot) if spring.name == "joint2 z")
     spring = spring.model_copy(update={"stiffness": 2e6, "damping": 2e3})
@@ -146,7 +133,7 @@ def test_wrong_steps_are_exchanged_and_dropped_and_positions_held_out_say_so(
         "output": "out",
     }
     (tmp_path / "study.yaml").write_text(yaml.safe_dump(content))
-    code, out, err = oed(monkeypatch, capsys, str(tmp_path / "study.yaml"), "--json")
+    code, out, err = oed("structure", str(tmp_path / "study.yaml"), "--json")
     assert code == 0, err
     document = json.loads(out)
     assert [one["name"] for one in document["springs"]] == ["joint2 z"]

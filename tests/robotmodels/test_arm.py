@@ -3,9 +3,9 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from robots import CRANE, SPLIT, WALL, built, changed, with_spring
+from robots import CRANE, SPLIT, WALL, built, changed, refusal, with_spring
 
-from robotmodels import InvalidInput, frequency_response
+from robotmodels import frequency_response
 
 OMEGA = 2 * np.pi * np.array([5.0, 30.0])
 DISTAL = {"mass": 2.5, "com": [0.0, 0.0, 0.386], "inertia": [0.0326, 0.033, 0.007]}
@@ -18,14 +18,6 @@ BRACKET = {
     "damping": 5.0,
     "distal": {"mass": 0.5, "com": [0.06, 0.0, 0.02], "inertia": [1e-3, 1e-3, 1e-3]},
 }
-
-
-def refusal(content: dict) -> str:
-    """Return the one line with which a robot is refused."""
-    with pytest.raises(InvalidInput) as error:
-        built(content)
-    assert "\n" not in str(error.value)
-    return str(error.value)
 
 
 def added(content: dict, **spring: object) -> dict:

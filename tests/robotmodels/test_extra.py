@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from derivatives import frf_derivatives
 
 import robotmodels
 from robotmodels.common.errors import InvalidInput
@@ -36,20 +37,10 @@ def ur10(**changes):
     return robotmodels.ElasticRobot(RobotFile.model_validate(content), LIBRARY)
 
 
-def differences(robot, step=1e-3):
+def differences(robot):
     """dG/d ln theta by central differences, Richardson-extrapolated."""
-    columns = []
-    for j in range(len(robot.parameters)):
-        estimates = []
-        for h in (step, step / 2):
-            theta = np.tile(robot.parameters.values, (2, 1))
-            theta[:, j] *= np.exp([h, -h])
-            plus, minus = (
-                robotmodels.frequency_response(robot, POSITIONS, OMEGA, t) for t in theta
-            )
-            estimates.append((plus - minus) / (2 * h))
-        columns.append((4 * estimates[1] - estimates[0]) / 3)
-    return np.stack(columns, axis=-1)
+    coarse, fine = (frf_derivatives(robot, POSITIONS, OMEGA, step) for step in (1e-3, 5e-4))
+    return (4 * fine - coarse) / 3
 
 
 EXTRA = [

@@ -2,6 +2,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 import pytest
+from collision_arm import volume
 
 from robotmodels import Frame, load_robot, tool_frame
 from robotmodels.collision.shapes import Shape, robot_shapes
@@ -14,12 +15,6 @@ from robotmodels.elastic.rigid_pose import joint_origins, unloaded
 @pytest.fixture(scope="module")
 def ur10():
     return load_robot("ur10")
-
-
-def volume(surface):
-    """Return the volume that triangles enclose, by Gauss; negative if they face inwards."""
-    a, b, c = np.swapaxes(surface.vertices[surface.faces], 0, 1)
-    return np.sum(a * np.cross(b, c)) / 6
 
 
 POLYGON = 12 * np.sin(np.pi / 12) / np.pi  # area of 24 sides over that of their circle

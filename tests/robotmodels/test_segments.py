@@ -7,9 +7,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from mujoco_arm import MujocoArm
-from robots import CRANE, HERE, SPLIT, built, changed, with_spring
+from robots import CRANE, HERE, SPLIT, built, changed, refusal, with_spring
 
-from robotmodels import InvalidInput, frequency_response
+from robotmodels import frequency_response
 from robotmodels.description.urdf import locate
 
 OMEGA = 2 * np.pi * np.geomspace(2.0, 80.0, 5)
@@ -52,13 +52,6 @@ def yard() -> dict:
     ]
     content["parameters"] = {}
     return content
-
-
-def refusal(content: dict) -> str:
-    with pytest.raises(InvalidInput) as error:
-        built(content)
-    assert "\n" not in str(error.value)
-    return str(error.value)
 
 
 def check_against_mujoco(content: dict) -> None:

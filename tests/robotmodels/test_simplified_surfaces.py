@@ -4,17 +4,12 @@ import coal
 import numpy as np
 import pinocchio as pin
 import pytest
+from collision_arm import volume
 
 from robotmodels import load_robot
 from robotmodels.collision.shapes import Shape
 from robotmodels.collision.simplified_surfaces import simplified_surfaces
 from robotmodels.collision.surfaces import _surface, link_surfaces
-
-
-def volume(surface):
-    """Return the volume that triangles enclose, by Gauss; negative if they face inwards."""
-    a, b, c = np.swapaxes(surface.vertices[surface.faces], 0, 1)
-    return np.sum(a * np.cross(b, c)) / 6
 
 
 @pytest.fixture(scope="module")

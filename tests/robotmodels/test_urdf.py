@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from robots import CRANE, HERE, PANDA, PENDULUM, WALL, built, changed
+from robots import CRANE, HERE, PANDA, PENDULUM, WALL, built, changed, refusal
 
 from robotmodels import InvalidInput, load_robot
 from robotmodels.description.robot_file import RobotFile
@@ -19,14 +19,6 @@ from robotmodels.simulation.urdf_tree import read_tree
 LAMP = 'ixx="0.02" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.03"'
 LOOP = '<joint name="l" type="fixed"><parent link="hand"/><child link="floor"/></joint>'
 SECOND = '<joint name="l" type="fixed"><parent link="floor"/><child link="hand"/></joint>'
-
-
-def refusal(content: dict, folder: Path = HERE) -> str:
-    """Return the one line with which a robot is refused."""
-    with pytest.raises(InvalidInput) as error:
-        ElasticRobot(RobotFile.model_validate(content), folder)
-    assert "\n" not in str(error.value)
-    return str(error.value)
 
 
 @pytest.mark.parametrize(
