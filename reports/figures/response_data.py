@@ -5,7 +5,7 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,32 @@ _STEPS = 8  # of a response in the least relative standard deviation
 _FINEST, _COARSEST = 1e-4, 1e-2  # steps of ln G, and of logarithms of standard deviations
 _LEAST = 1e-200
 _LOWEST = 1e-3  # of the ends of a band, one over the other
+
+
+@dataclass(frozen=True)
+class ElementView:
+    """What the curves of a page are.
+
+    Attributes
+    ----------
+    place, column : str
+        What a figure and a column of it are of.
+    per : str
+        Unit that those of the rows are over.
+    names : sequence of tuple of str, (Q, 2)
+        What `ResponseData.measured` and `ResponseData.model` are in each position.
+    views : int
+        How many ways to draw an element: Bode, Nyquist, singular values, coherence.
+    paired : bool
+        Whether both are FRFs of studies, which have a difference instead of residuals.
+    """
+
+    place: str = "position"
+    column: str = "from"
+    per: str = "/(N m)"
+    names: Sequence[tuple[str, str]] = ()
+    views: int = 4
+    paired: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +93,7 @@ class ResponseData:
         inputs: Sequence[str],
         outputs: Sequence[str],
         units: Sequence[str],
+        shown: ElementView | None = None,
     ) -> Markup:
         """Return the data for a page.
 
@@ -76,14 +103,18 @@ class ResponseData:
             Ids of the figures that show all elements of a position.
         inputs, outputs, units : sequence of str
             Names of columns and rows, and the units of the rows.
+        shown : ElementView, optional
+            What is drawn; by default FRFs and a model of them.
         """
+        shown = shown or ElementView()
         least = np.percentile(self.std / np.maximum(np.abs(self.measured), _LEAST), 1)
         step = float(np.clip(least / _STEPS, _FINEST, _COARSEST))
         content: dict[str, Any] = {
             "ids": [*ids],
             "inputs": [*inputs],
             "outputs": [*outputs],
-            "units": [f"{unit.replace('^2', '²')}/(N m)" for unit in units],
+            "units": [f"{unit.replace('^2', '²')}{shown.per}" for unit in units],
+            "element": asdict(shown) | {"names": shown.names or [("measured", "model")] * len(ids)},
             "repetitions": self.repetitions.tolist(),
             "frequency": [round(float(v), 6) for v in self.omega / (2 * np.pi)],
             "measured": _logarithm(self.measured, step, 1),

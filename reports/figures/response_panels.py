@@ -24,6 +24,7 @@ _GAP_X, _GAP_Y, _GAP_PHASE = 0.09, 0.16, 0.05
 _PHASE = 0.5  # height of a phase
 _PITCH = 1 + _GAP_PHASE + _PHASE + _GAP_Y  # from row to row
 _UNITS = 3.0  # of a path in a point
+_DASHES = f"{4 * _UNITS:g} {3 * _UNITS:g}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +112,8 @@ class ResponsePanels:
         Names of columns and rows.
     noise, distortion : ndarray, (F, m, n), or None
         Parts of `std`, drawn as levels below; gaps where one is zero or not a number.
+    dashed : bool
+        Whether `fitted` is drawn in dashes: another measurement, of equal rank.
     """
 
     omega: Array
@@ -122,6 +125,7 @@ class ResponsePanels:
     outputs: Sequence[str]
     noise: Array | None
     distortion: Array | None
+    dashed: bool = False
 
     def svg(self, name: str, alt: str) -> Markup:
         """Return the drawing for a page; `name` prefixes identifiers, `alt` says what is seen."""
@@ -166,15 +170,19 @@ class ResponsePanels:
             if values is not None:
                 heights = _each(height * (1 - scales.line(values)))
                 lines = [compact_path.line(across, y, width, height) for y in heights]
-                drawn.append(_path(lines, corners, _pen(colour, pen)))
+                drawn.append(_path(lines, corners, self._pen(colour, pen)))
         for response, across, colour, pen in (
             (np.where(self.std < size, self.measured, np.nan), x, "accent", 0.7),
             (self.fitted, fitted_x, "second", 1.1),
         ):
             if response is not None:
                 lines = [_phase(across, one, width, _PHASE * height) for one in _each(response)]
-                drawn.append(_path(lines, below, _pen(colour, pen)))
+                drawn.append(_path(lines, below, self._pen(colour, pen)))
         return f'<g transform="scale({1 / _UNITS:g})" {_ROUND}>{"".join(drawn)}</g>'
+
+    def _pen(self, colour: str, width: float) -> str:
+        dashes = f' stroke-dasharray="{_DASHES}"' if self.dashed and colour == "second" else ""
+        return f'fill="none" stroke="var(--{colour})" stroke-width="{_UNITS * width:g}"{dashes}'
 
 
 _ROUND = 'stroke-linecap="round" stroke-linejoin="round"'
@@ -183,10 +191,6 @@ _ROUND = 'stroke-linecap="round" stroke-linejoin="round"'
 def _each(values: NDArray[Any]) -> NDArray[Any]:
     """Return the curves of (F, m, n), row after row, (m n, F)."""
     return values.reshape(len(values), -1).T
-
-
-def _pen(colour: str, width: float) -> str:
-    return f'fill="none" stroke="var(--{colour})" stroke-width="{_UNITS * width:g}"'
 
 
 def _path(paths: Sequence[Path], corners: Array, style: str) -> str:
@@ -298,6 +302,7 @@ def response_panels(
     distortion: Array | None = None,
     outputs: Sequence[str] | None = None,
     fitted_omega: Array | None = None,
+    dashed: bool = False,
 ) -> ResponsePanels:
     """Return the panels; by default outputs are the motors, and the model is at `omega`."""
     return ResponsePanels(
@@ -310,6 +315,7 @@ def response_panels(
         motors if outputs is None else outputs,
         noise,
         distortion,
+        dashed,
     )
 
 

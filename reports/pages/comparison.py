@@ -28,6 +28,7 @@ from reports.page_elements import (
     percent_cell,
     table,
 )
+from reports.sections import shared_responses
 from reports.sections.verdict import KINDS, discredited
 from reports.summaries import columns
 from reports.summaries.study_summary import study_json
@@ -67,6 +68,7 @@ def write_comparison(studies: Studies, path: Path) -> None:
                 ),
             ),
             *estimates(studies, differences),
+            shared_responses.section(studies),
         ],
         banner=comparison_banner(studies, differences),
     )

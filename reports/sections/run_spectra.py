@@ -10,6 +10,7 @@ from estimators.fitting.run_fit import RunFit
 from oed.study.results import StudyResults
 from reports import text
 from reports.figures import response_panels
+from reports.figures.response_data import ElementView, ResponseData
 from reports.figures.response_panels import lines_drawn
 from reports.page_elements import Figure, Section, Table, figure, filled
 from reports.sections.friction import friction_table
@@ -25,19 +26,29 @@ def section(results: StudyResults, fit: RunFit) -> Section:
     """Return the section; `fit` is the result."""
     theorem1 = results.uncertainty.theorem1
     levels = () if theorem1 is None else fit.friction_levels(theorem1.covariance)
-    content = body(results.robot, fit, panels(results, fit), friction_table(levels))
+    shown = _first_runs(fit)
+    drawn = panels(results, fit, shown)
+    content = body(results.robot, fit, drawn, friction_table(levels), embedded(results, shown))
     return Section("run-spectra", "Runs", content)
 
 
 def body(
-    robot: ElasticRobot, fit: RunFit, drawn: list[Figure], friction: Table | None = None
+    robot: ElasticRobot,
+    fit: RunFit,
+    drawn: list[Figure],
+    friction: Table | None = None,
+    enlarged: Markup | None = None,
 ) -> Markup:
-    """Return the section's text with `drawn`, the spectra of a fit, and levels of `friction`."""
+    """Return the section's text with `drawn`, the spectra of a fit, and levels of `friction`.
+
+    `enlarged` holds the data of single elements, for the page's script.
+    """
     visits, runs, lines = fit.data.inputs.shape[:3]
     return filled(
         "run_spectra.html.j2",
         panels=drawn,
         friction=friction,
+        embedded=enlarged,
         visits=visits,
         runs=runs,
         shown=min(runs, MOST_RUNS),
@@ -65,19 +76,37 @@ def noise_words(fit: RunFit) -> str:
     return f"{sources[fit.data.noise]}, with {count} degrees of freedom"
 
 
-def panels(results: StudyResults, fit: RunFit) -> list[Figure]:
-    """Return the panels of every visit, a row for each output and a column for each run."""
-    outputs, fitted, std = compared_spectra(fit)
-    outputs, fitted, std = (np.moveaxis(s[:, :MOST_RUNS], 1, 3) for s in (outputs, fitted, std))
-    names = [f"run {e + 1}" for e in range(outputs.shape[3])]
+def _first_runs(fit: RunFit) -> ResponseData:
+    """Return the spectra of each visit's first runs, a column for each."""
+    outputs, fitted, std = (np.moveaxis(s[:, :MOST_RUNS], 1, 3) for s in compared_spectra(fit))
     lines = lines_drawn(outputs.shape)
+    omega, once = fit.data.omega[lines], np.ones(len(outputs), dtype=np.int64)
+    return ResponseData(omega, outputs[:, lines], std[:, lines].real, once, omega, fitted[:, lines])
+
+
+def panels(results: StudyResults, fit: RunFit, shown: ResponseData) -> list[Figure]:
+    """Return the panels of every visit, a row for each output and a column for each run."""
+    names = _run_names(shown)
     figures = []
     for q, label in enumerate(visit_labels(results)):
-        shown = (s[q, lines] for s in (outputs, fitted, std))
-        drawing = drawn_spectra(results.robot, fit.data.omega[lines], shown, names)
+        compared = (s[q] for s in (shown.measured, shown.model, shown.std) if s is not None)
+        drawing = drawn_spectra(results.robot, shown.omega, compared, names)
         alt = f"Magnitudes and phases of the spectra of outputs, measured and predicted, in {label}"
         figures.append(figure(f"spectra-{q + 1}", drawing, alt, label=label, wide=True))
     return figures
+
+
+def embedded(results: StudyResults, shown: ResponseData) -> Markup:
+    """Return the data with which the page's script enlarges single elements."""
+    robot, count = results.robot, len(shown.measured)
+    ids = [f"spectra-{q + 1}" for q in range(count)]
+    names = [("measured", "predicted")] * count
+    element = ElementView("visit", "of", "", names, views=2)
+    return shown.embedded(ids, _run_names(shown), robot.output_names, robot.output_units, element)
+
+
+def _run_names(shown: ResponseData) -> list[str]:
+    return [f"run {e + 1}" for e in range(shown.measured.shape[3])]
 
 
 def compared_spectra(fit: RunFit) -> tuple[ComplexArray, ComplexArray, ComplexArray]:

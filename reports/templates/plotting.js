@@ -62,8 +62,10 @@ const plotting = (prefix) => {
       }).join("");
     return {
       across, up, box,
-      line: (x, y, colour, pen, jumps = false) =>
-        curves.append(make("path", { d: path(points(x, y), jumps), stroke: `var(--${colour})`, "stroke-width": pen })),
+      line: (x, y, colour, pen, jumps = false, dashes = "") => {
+        const style = { stroke: `var(--${colour})`, "stroke-width": pen, "stroke-dasharray": dashes || "none" };
+        curves.append(make("path", { d: path(points(x, y), jumps), ...style }));
+      },
       dots: (x, y, colour, radius = 2, opacity = 1) => {
         const d = points(x, y).map(([px, py]) => `M${px.toFixed(1)} ${py.toFixed(1)}h0`).join("");
         const pen = { stroke: `var(--${colour})`, "stroke-width": 2 * radius, "stroke-linecap": "round", opacity };

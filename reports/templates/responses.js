@@ -5,6 +5,8 @@
   const figure = store && document.getElementById("frf-element");
   if (!figure || !("DecompressionStream" in window)) return;
   const data = JSON.parse(store.textContent);
+  // Of what the curves are: FRFs and a model's, of spectra and predictions, or FRFs of two studies.
+  const { place, column, names, paired } = data.element;
   const [Q, m, n, F] = [data.ids, data.outputs, data.inputs, data.frequency].map((a) => a.length);
   const fine = data.fine ?? data.frequency;
   const between = (fine.length - 1) / Math.max(F - 1, 1); // points from line to line
@@ -51,13 +53,13 @@
     bar.append(holder);
     return box;
   };
-  const VIEWS = ["Bode and residuals", "Nyquist", "singular values", "coherence from SNR"];
+  const VIEWS = [paired ? "Bode and difference" : "Bode and residuals", "Nyquist", "singular values", "coherence from SNR"];
   const toBox = select("to", data.outputs, "i");
-  const fromBox = select("from", data.inputs, "j");
-  select("as", VIEWS, "view");
+  const fromBox = select(column, data.inputs, "j");
+  select("as", VIEWS.slice(0, data.element.views), "view");
   const SINGULAR = 2; // of the whole matrix, not of an element
-  const positions = data.ids.map((_, q) => `position ${q + 1}`);
-  const besideBox = Q > 1 && select("beside", ["no other", "all positions", ...positions], "beside");
+  const positions = data.ids.map((_, q) => `${place} ${q + 1}`);
+  const besideBox = Q > 1 && !paired && select("beside", ["no other", `all ${place}s`, ...positions], "beside");
   const BANDS = ["model, one standard deviation", "posterior predictive, 95 %"];
   const bandBox = predictive && select("band", BANDS, "band");
 
@@ -87,6 +89,7 @@
     const [p, r] = [one.phase[k], one.modelPhase[line(k)]];
     return [a * Math.cos(p) - b * Math.cos(r), a * Math.sin(p) - b * Math.sin(r)].map((v) => Math.SQRT2 * v);
   };
+  const apart = (one, k) => DECIBELS * (one.modelSize[line(k)] - one.size[k]);
   const frequencies = [...ends(f)];
   if (frequencies[0] === frequencies[1]) frequencies[1] *= 1.01;
 
@@ -122,11 +125,21 @@
       const ofModel = [-1, 1].map((s) => middle.map((v, k) => v + DECIBELS * Math.log(1 + s * relative[k])));
       upper.band(fine, ...ofModel, "second");
     }
-    upper.line(fine, decibels(one.modelSize), "second", 1.5);
-    lower.line(fine, degrees(one.modelPhase), "second", 1.5, true);
+    const dashes = paired ? "7 4" : "";
+    upper.line(fine, decibels(one.modelSize), "second", 1.5, false, dashes);
+    lower.line(fine, degrees(one.modelPhase), "second", 1.5, true, dashes);
+    const below = [62, 382, 780, 80];
+    if (paired) {
+      const away = f.map((_, k) => apart(one, k));
+      const ends = extent([away, [0]]);
+      const last = axes(svg, below, frequencies, ends,
+        { ys: ticks(...ends, 4), title: "difference [dB]", name: "c", xTitle: "frequency [Hz]" });
+      last.line(f, away, "ink", 1.1);
+      return [upper, lower, last];
+    }
     const left = f.map((_, k) => residual(one, k));
     const reach = Math.min(Math.max(4, ...left.flat().map(Math.abs)), 40);
-    const last = axes(svg, [62, 382, 780, 80], frequencies, [-reach, reach],
+    const last = axes(svg, below, frequencies, [-reach, reach],
       { ys: ticks(-reach, reach, 4), title: "residual [std]", name: "c", xTitle: "frequency [Hz]" });
     last.band(ends(f), [-2, -2], [2, 2], "muted");
     last.dots(f, left.map(([re]) => re), "accent");
@@ -148,7 +161,7 @@
     for (const other of also) plane.line(...other, "muted", 0.7);
     plane.line(...curves[0], "accent", 0.6);
     plane.dots(...curves[0], "accent");
-    if (model) plane.line(...curves[1], "second", 1.4);
+    if (model) plane.line(...curves[1], "second", 1.4, false, paired ? "7 4" : "");
     plane.points = curves[0][0].map((v, k) => [plane.across(v), plane.up(curves[0][1][k])]);
     return [plane];
   };
@@ -162,7 +175,7 @@
     const plane = axes(svg, [62, 10, 780, 440], frequencies, range,
       { ys: ticks(...range), title: "singular values [dB]", xTitle: "frequency [Hz]", name: "a" });
     for (const one of shown) plane.line(f, one, "accent", 1);
-    for (const one of ofModel) plane.line(fine, one, "second", 1.4);
+    for (const one of ofModel) plane.line(fine, one, "second", 1.4, false, paired ? "7 4" : "");
     return [plane];
   };
   // Bendat and Piersol (2010), (9.82): variance of an FRF from coherence and number of averages.
@@ -180,18 +193,19 @@
   const told = (one, k) => {
     const share = (value) => `${words(100 * Math.exp(value), 2)} %`;
     const parts = [`${words(f[k], 4)} Hz`,
-      `measured ${decibels([one.size[k]])[0].toFixed(1)} dB, ${degrees([one.phase[k]])[0].toFixed(0)}°, std ${share(one.std[k] - one.size[k])}`];
+      `${names[state.q][0]} ${decibels([one.size[k]])[0].toFixed(1)} dB, ${degrees([one.phase[k]])[0].toFixed(0)}°, std ${share(one.std[k] - one.size[k])}`];
     if (model) {
       const g = line(k);
       const own = one.modelStd ? `, std ${share(one.modelStd[k])}` : "";
-      parts.push(`model ${decibels([one.modelSize[g]])[0].toFixed(1)} dB, ${degrees([one.modelPhase[g]])[0].toFixed(0)}°${own}`);
+      parts.push(`${names[state.q][1]} ${decibels([one.modelSize[g]])[0].toFixed(1)} dB, ${degrees([one.modelPhase[g]])[0].toFixed(0)}°${own}`);
       if (state.band === 1) {
         const [low, high] = one.predictive.map((end) => decibels([end[k]])[0].toFixed(1));
         parts.push(`95 % of measurements between ${low} and ${high} dB`);
       }
-      parts.push(`residual ${residual(one, k).map((v) => v.toFixed(1)).join(" and ")} std (real and imaginary part)`);
+      if (paired) parts.push(`difference ${apart(one, k).toFixed(2)} dB`);
+      else parts.push(`residual ${residual(one, k).map((v) => v.toFixed(1)).join(" and ")} std (real and imaginary part)`);
     }
-    parts.push(`coherence from SNR ${coherenceOf(one, state.q)[k].toFixed(3)}`);
+    if (data.element.views === VIEWS.length) parts.push(`coherence from SNR ${coherenceOf(one, state.q)[k].toFixed(3)}`);
     return parts.join("; ").replaceAll("-", "−");
   };
 
@@ -199,16 +213,17 @@
     const rank = Math.min(m, n);
     const sizes = (array, length, at) => Array.from({ length: rank }, (_, r) =>
       (DECIBELS * cut(array, state.q * rank + r, length)[at]).toFixed(1)).join(", ");
-    const parts = [`${words(f[k], 4)} Hz`, `measured ${sizes(singular, F, k)} dB`];
-    if (modelSingular) parts.push(`model ${sizes(modelSingular, fine.length, line(k))} dB`);
+    const parts = [`${words(f[k], 4)} Hz`, `${names[state.q][0]} ${sizes(singular, F, k)} dB`];
+    if (modelSingular) parts.push(`${names[state.q][1]} ${sizes(modelSingular, fine.length, line(k))} dB`);
     return parts.join("; ").replaceAll("-", "−");
   };
 
   const draw = () => {
     const one = element(state.q, state.i, state.j);
     const whole = state.view === SINGULAR;
-    const which = whole ? "" : `, from ${data.inputs[state.j]} to ${data.outputs[state.i]}`;
-    const title = `Position ${state.q + 1}${which}: ${VIEWS[state.view]}`;
+    const which = whole ? "" : `, ${column} ${data.inputs[state.j]} to ${data.outputs[state.i]}`;
+    const where = `${place[0].toUpperCase()}${place.slice(1)} ${state.q + 1}`;
+    const title = `${where}${which}: ${VIEWS[state.view]}`;
     for (const box of [toBox, fromBox, besideBox]) if (box) box.parentElement.hidden = whole;
     if (bandBox) bandBox.parentElement.hidden = state.view !== 0;
     for (const part of figure.querySelectorAll("[data-views]"))

@@ -316,3 +316,18 @@ def test_the_map_says_why_a_position_was_rejected(browser, pages):
             map_.locator("svg").dispatch_event("pointermove", at)
             said.add(map_.locator("output").text_content())
     assert any(re.match(r"Rejected \(.*floor.*\): m2", one) for one in said), said
+
+
+def test_studies_laid_over_each_other_tell_their_difference(browser, pages):
+    with open_page(browser, pages["comparison"], *DESKTOP) as (page, wrong):
+        element = page.locator("#frf-element")
+        assert "Bode and difference" in element.locator(".title").text_content()
+        for view in ("singular values", "Nyquist", "Bode and difference"):
+            element.get_by_label("as", exact=True).select_option(view)
+            drawing = element.locator("svg")
+            assert "NaN" not in drawing.inner_html()
+            assert drawing.locator('path[stroke-dasharray="7 4"]').count() >= 1
+        drawing.press("ArrowRight")
+        told = element.locator("output").text_content()
+        assert re.search(r"; study [\d.]+ dB.*; other [\d.]+ dB.*; difference 0.00 dB$", told), told
+        assert wrong == []

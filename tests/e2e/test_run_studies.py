@@ -6,7 +6,7 @@ import shutil
 
 import numpy as np
 import pytest
-from browser import violations_of
+from browser import chromium, open_page, violations_of
 from command_line import oed
 from conftest import STUDY, write_study
 from test_study_data import TRUTH, fitted, ran
@@ -71,6 +71,31 @@ def test_records_are_fitted_as_runs_by_default(simulated):
     tested = {one["name"] for one in fit["trust"]["directions"]}
     assert "d2.stiffness in position 2" in tested
     assert "d2.stiffness in position 3" not in tested
+
+
+def test_an_element_of_a_run_is_enlarged(simulated):
+    _, folder, _ = simulated
+    with (
+        chromium() as browser,
+        open_page(browser, folder / "report.html", 1280, 900) as (page, bad),
+    ):
+        element = page.locator("#frf-element")
+        assert element.locator(".title").text_content() == (
+            "Visit 1, of run 1 to m2: Bode and residuals"
+        )
+        assert "dB of 1 rad/s²" in element.locator("svg").inner_html().replace("<", " ")
+        views = element.get_by_label("as", exact=True).locator("option").all_text_contents()
+        assert views == ["Bode and residuals", "Nyquist"]
+        element.locator("svg").press("ArrowRight")
+        told = element.locator("output").text_content()
+        assert re.search(r"measured .* dB.*; predicted .* dB.*; residual \S+ and \S+ std", told), (
+            told
+        )
+        assert "coherence" not in told
+        element.get_by_label("beside").select_option("all visits")
+        element.get_by_label("as", exact=True).select_option("Nyquist")
+        assert "NaN" not in element.locator("svg").inner_html()
+        assert bad == []
 
 
 def test_a_visit_of_one_run_is_worth_its_part_of_an_experiment(simulated):
