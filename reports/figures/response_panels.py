@@ -77,9 +77,8 @@ class _Layout:
 
     @property
     def margins(self) -> tuple[float, float, float]:
-        """Left, above and below; labels keep their distance in panel heights."""
-        height = self.panel[1]
-        return 49.0, 0.24 * height, 0.43 * height
+        """Left, above and below."""
+        return 49.0, 20.0, 36.0
 
     @property
     def size(self) -> tuple[float, float]:
@@ -256,7 +255,7 @@ def _labels(layout: _Layout, outputs: Sequence[str], inputs: Sequence[str], scal
     last = layout.corner(layout.rows, 0)[1] - _GAP_Y * height  # below the lowest phase
     for j, word in enumerate(inputs):
         x, y = layout.corner(0, j)
-        names.append(_text(x + width / 2, y - 0.07 * height, f"from {word}"))
+        names.append(_text(x + width / 2, y - 6, f"from {word}"))
         for tick, part in zip(ticks, scales.across(ticks), strict=True):
             numbers.append(_text(x + width * float(part), last + 11, f"{tick:g}"))
     for i, word in enumerate(outputs):
@@ -270,7 +269,7 @@ def _labels(layout: _Layout, outputs: Sequence[str], inputs: Sequence[str], scal
             middle = phase + _PHASE * height * (0.5 - degrees / 360)
             levels.append(_text(x - 4, y + middle + down, fixed(degrees, 0) + "°"))
     left, right = layout.corner(0, 0)[0], layout.corner(0, len(inputs) - 1)[0] + width
-    axis = _text((left + right) / 2, last + 0.24 * height + 8, "frequency [Hz]")
+    axis = _text((left + right) / 2, last + 28, "frequency [Hz]")
     small = 'font-size="8" fill="var(--muted)"'
     return (
         f'<g font-size="9" fill="var(--ink)" text-anchor="middle">{"".join(names)}</g>'

@@ -54,7 +54,7 @@
     return box;
   };
   const VIEWS = [paired ? "Bode and difference" : "Bode and residuals", "Nyquist", "singular values", "coherence from SNR"];
-  const toBox = select("to", data.outputs, "i");
+  const toBox = select(column === "of" ? "output" : "to", data.outputs, "i");
   const fromBox = select(column, data.inputs, "j");
   select("as", VIEWS.slice(0, data.element.views), "view");
   const SINGULAR = 2; // of the whole matrix, not of an element
@@ -221,7 +221,8 @@
   const draw = () => {
     const one = element(state.q, state.i, state.j);
     const whole = state.view === SINGULAR;
-    const which = whole ? "" : `, ${column} ${data.inputs[state.j]} to ${data.outputs[state.i]}`;
+    const [input, output] = [data.inputs[state.j], data.outputs[state.i]];
+    const which = whole ? "" : column === "of" ? `, ${output} of ${input}` : `, ${column} ${input} to ${output}`;
     const where = `${place[0].toUpperCase()}${place.slice(1)} ${state.q + 1}`;
     const title = `${where}${which}: ${VIEWS[state.view]}`;
     for (const box of [toBox, fromBox, besideBox]) if (box) box.parentElement.hidden = whole;

@@ -310,6 +310,7 @@ def test_questions_are_answered_on_one_screen_or_within_two_clicks(browser, page
 def test_the_map_says_why_a_position_was_rejected(browser, pages):
     with open_page(browser, pages["rejected"], *DESKTOP) as (page, _):
         map_ = page.locator("#design-map")
+        map_.locator("svg").wait_for()
         box, said = map_.locator("svg").bounding_box(), set()
         for x, y in itertools.product(np.linspace(0.1, 0.98, 30), np.linspace(0.05, 0.9, 15)):
             at = {"clientX": box["x"] + x * box["width"], "clientY": box["y"] + y * box["height"]}
@@ -321,6 +322,7 @@ def test_the_map_says_why_a_position_was_rejected(browser, pages):
 def test_studies_laid_over_each_other_tell_their_difference(browser, pages):
     with open_page(browser, pages["comparison"], *DESKTOP) as (page, wrong):
         element = page.locator("#frf-element")
+        element.locator("svg").wait_for()
         assert "Bode and difference" in element.locator(".title").text_content()
         for view in ("singular values", "Nyquist", "Bode and difference"):
             element.get_by_label("as", exact=True).select_option(view)

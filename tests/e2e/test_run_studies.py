@@ -80,8 +80,9 @@ def test_an_element_of_a_run_is_enlarged(simulated):
         open_page(browser, folder / "report.html", 1280, 900) as (page, bad),
     ):
         element = page.locator("#frf-element")
+        element.locator("svg").wait_for()
         assert element.locator(".title").text_content() == (
-            "Visit 1, of run 1 to m2: Bode and residuals"
+            "Visit 1, m2 of run 1: Bode and residuals"
         )
         assert "dB of 1 rad/s²" in element.locator("svg").inner_html().replace("<", " ")
         views = element.get_by_label("as", exact=True).locator("option").all_text_contents()
