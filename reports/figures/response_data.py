@@ -26,7 +26,7 @@ class ElementView:
 
     Attributes
     ----------
-    place, column : str
+    noun, column : str
         What a figure and a column of it are of.
     per : str
         Unit that those of the rows are over.
@@ -38,7 +38,7 @@ class ElementView:
         Whether both are FRFs of studies, which have a difference instead of residuals.
     """
 
-    place: str = "position"
+    noun: str = "position"
     column: str = "from"
     per: str = "/(N m)"
     names: Sequence[tuple[str, str]] = ()

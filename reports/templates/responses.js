@@ -6,7 +6,7 @@
   if (!figure || !("DecompressionStream" in window)) return;
   const data = JSON.parse(store.textContent);
   // Of what the curves are: FRFs and a model's, of spectra and predictions, or FRFs of two studies.
-  const { place, column, names, paired } = data.element;
+  const { noun, column, names, paired } = data.element;
   const [Q, m, n, F] = [data.ids, data.outputs, data.inputs, data.frequency].map((a) => a.length);
   const fine = data.fine ?? data.frequency;
   const between = (fine.length - 1) / Math.max(F - 1, 1); // points from line to line
@@ -58,8 +58,8 @@
   const fromBox = select(column, data.inputs, "j");
   select("as", VIEWS.slice(0, data.element.views), "view");
   const SINGULAR = 2; // of the whole matrix, not of an element
-  const positions = data.ids.map((_, q) => `${place} ${q + 1}`);
-  const besideBox = Q > 1 && !paired && select("beside", ["no other", `all ${place}s`, ...positions], "beside");
+  const positions = data.ids.map((_, q) => `${noun} ${q + 1}`);
+  const besideBox = Q > 1 && !paired && select("beside", ["no other", `all ${noun}s`, ...positions], "beside");
   const BANDS = ["model, one standard deviation", "posterior predictive, 95 %"];
   const bandBox = predictive && select("band", BANDS, "band");
 
@@ -223,7 +223,7 @@
     const whole = state.view === SINGULAR;
     const [input, output] = [data.inputs[state.j], data.outputs[state.i]];
     const which = whole ? "" : column === "of" ? `, ${output} of ${input}` : `, ${column} ${input} to ${output}`;
-    const where = `${place[0].toUpperCase()}${place.slice(1)} ${state.q + 1}`;
+    const where = `${noun[0].toUpperCase()}${noun.slice(1)} ${state.q + 1}`;
     const title = `${where}${which}: ${VIEWS[state.view]}`;
     for (const box of [toBox, fromBox, besideBox]) if (box) box.parentElement.hidden = whole;
     if (bandBox) bandBox.parentElement.hidden = state.view !== 0;
