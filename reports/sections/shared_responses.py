@@ -86,8 +86,7 @@ def _drawn(
     panels = [_panels(reference, shown, k, label) for k, label in enumerate(labels)]
     names = [(first, pair.name) for pair in pairs for _ in pair.positions]
     element = ElementView("shared position", names=names, views=3, paired=True)
-    ids = [panel.id for panel in panels]
-    units = robot.output_units
+    ids, units = [panel.id for panel in panels], robot.output_units
     return {
         "panels": panels,
         "embedded": shown.embedded(ids, robot.motor_names, robot.output_names, units, element),
