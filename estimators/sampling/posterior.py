@@ -19,7 +19,7 @@ from estimators.sampling.ensemble import (
 )
 from estimators.sampling.likelihood import Noise
 from estimators.sampling.log_posterior import LogPosterior, posterior_density
-from estimators.sampling.student_t_proposal import laplace
+from estimators.sampling.student_t_proposal import StudentT, laplace
 from estimators.uncertainty.covariance import Uncertainty
 from robotmodels.common.arrays import (
     Array,
@@ -32,6 +32,7 @@ from robotmodels.common.arrays import (
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.fingerprints import fingerprint
 from robotmodels.common.printing import ReprHtml
+from robotmodels.common.process_pool import elsewhere
 from robotmodels.common.progress import Progress
 
 _COPIES = 2  # of the chains, while they are joined
@@ -183,14 +184,10 @@ def sample_posterior(
     """
     check_kind(fit, FittedModel, "posterior: fit")
     check_sizes(len(fit.parameters), ensembles, walkers, steps, thin)
-    density = posterior_density(fit, noise=noise, scale=scale, prior=prior)
-    proposal = laplace(fit, density)
     seeds = rng.integers(2**32, size=ensembles, dtype=np.int64)
-    first = checked_starts(starts, density, ensembles, walkers)
-    if first is None:
-        rngs = [np.random.default_rng(int(seed)) for seed in seeds]
-        first = np.stack([drawn_starts(proposal, density, walkers, one) for one in rngs])
-    check_starts(density, first)
+    density, proposal, first = elsewhere(
+        executor, _begun, fit, (noise, scale, prior), walkers, seeds, starts
+    )
     aim, store = target or StoppingCriterion(), None
     if backend is not None:
         told = _fingerprint(fit, density, seeds, walkers, thin, starts)
@@ -206,6 +203,25 @@ def sample_posterior(
         executor,
     )
     return posterior_of_chains(density.names, chains, thin, acceptance, density.noise, aim)
+
+
+def _begun(
+    fit: FittedModel,
+    settings: tuple[str, float | None, Prior | None],
+    walkers: int,
+    seeds: IntArray,
+    starts: Array | None,
+) -> tuple[LogPosterior, StudentT, Array]:
+    """Return what is sampled, the proposal, and where ensembles begin, (E, W, p)."""
+    noise, scale, prior = settings
+    density = posterior_density(fit, noise=noise, scale=scale, prior=prior)
+    proposal = laplace(fit, density)
+    first = checked_starts(starts, density, len(seeds), walkers)
+    if first is None:
+        rngs = [np.random.default_rng(int(seed)) for seed in seeds]
+        first = np.stack([drawn_starts(proposal, density, walkers, one) for one in rngs])
+    check_starts(density, first)
+    return density, proposal, first
 
 
 def posterior_of_chains(

@@ -23,7 +23,7 @@ from robotmodels.elastic.tool_response import (
     underlying_robot,
 )
 from robotmodels.linear.linear_model import LinearModel
-from robotmodels.linear.modes import clamped, damped_modes, resonances
+from robotmodels.linear.modes import clamped, damped_poles, resonances
 from robotmodels.linear.response import Elastic, by_ln_theta
 
 
@@ -145,10 +145,9 @@ class DampingRatios:
         """Return the damping ratios of a linear model with free motors."""
         linear = _with_motors(linear, self.motors)
         rows = np.full((len(linear.mass), self.count), np.nan)
-        for i, row in enumerate(rows):
-            modes = damped_modes(linear.at(i))
-            ratios = modes.damping_ratios[modes.poles.imag > 0][: self.count]
-            row[: len(ratios)] = ratios
+        for row, poles in zip(rows, damped_poles(linear), strict=True):
+            oscillating = poles[poles.imag > 0][: self.count]
+            row[: len(oscillating)] = -oscillating.real / np.abs(oscillating)
         return rows
 
 

@@ -150,27 +150,31 @@ def run_study(
     """
     with open_run(study, progress, executor, fresh) as begun:
         source = _source(begun)
-        stages, at_once = source.run.stages, executor is not None
-        with stages.beside("comparison", source.comparison, at_once) as compared:
+        with source.run.beside("comparison", source.comparison) as compared:
             return _results(source, compared)
 
 
 def _results(
     source: SimulatedStudy | MeasuredStudy, compared: Beside[Stage[PlanComparison] | None]
 ) -> StudyResults:
-    """Run the stages from the fits on; what one process computes while others compare plans."""
-    run = source.run
+    """Run the stages from the fits on: other processes draw samples, predict and compare plans."""
+    run, plan = source.run, source.plan
     fits = _Fits.of(source)
     best, attempt = fits.result, run.stages.attempt
     theorem1 = attempt("uncertainty", lambda: uncertainty(run, best))
-    drawn = attempt("posterior", lambda: posterior(run, best))
-    unexplained = attempt("residuals", lambda: residuals(run, best))
-    by_cost = attempt("cost-posterior", lambda: cost_posterior(run, best, _value(unexplained)))
-    curves = attempt("profiles", lambda: profiles(run, best, theorem1))
-    plan = source.plan
-    predicted = attempt("tool", lambda: tool(run, best, theorem1, drawn, plan.positions))
-    certain = attempt("responses", lambda: responses(run, source.data, best, theorem1, drawn))
-    weighted = attempt("importance", lambda: importance(run, best))
+    with run.beside("posterior", lambda: posterior(run, best)) as sampled:
+        unexplained = attempt("residuals", lambda: residuals(run, best))
+        weighted = attempt("importance", lambda: importance(run, best))
+        drawn = sampled.result()
+    with (
+        run.beside("tool", lambda: tool(run, best, theorem1, drawn, plan.positions)) as predicted,
+        run.beside(
+            "responses", lambda: responses(run, source.data, best, theorem1, drawn)
+        ) as certain,
+    ):
+        by_cost = attempt("cost-posterior", lambda: cost_posterior(run, best, _value(unexplained)))
+        curves = attempt("profiles", lambda: profiles(run, best, theorem1))
+        tools, bands = predicted.result(), certain.result()
     methods = CrossCheckInputs(theorem1, drawn, by_cost, curves, compared.result(), weighted)
     check = attempt("cross-check", lambda: cross_check(run, best, methods, fits.searches))
     held_out = attempt("validation", lambda: source.validation(best, theorem1))
@@ -191,8 +195,8 @@ def _results(
         ),
         _value(methods.comparison),
         _value(held_out),
-        _value(predicted),
-        _value(certain),
+        _value(tools),
+        _value(bands),
     )
 
 

@@ -2,7 +2,7 @@
 
 import logging
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
@@ -13,7 +13,7 @@ from reports.commands.options import about, fail, warn
 from reports.commands.stopping import INTERRUPTED, stoppable, stopping_at_steps
 from reports.commands.workers import one_thread_each, shared
 from robotmodels.common.errors import IdentificationError, InvalidInput
-from robotmodels.common.process_pool import ProcessPool, call, collect_rarely
+from robotmodels.common.process_pool import ProcessPool, call, collect_rarely, load_ahead
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -39,6 +39,14 @@ Cluster = Annotated[
 
 _OF_VISITS = frozenset({"minutes", "targets", "excitations", "spectra"})
 """Keys of a design of visits. Its settings are not asked, which load the numerics."""
+
+_MODULES = (
+    "reports.cli",
+    "oed.study.pipeline",
+    "estimators.sampling.moves",
+    "estimators.validation.predictive_band",
+)
+"""What the processes of a study load at once."""
 
 _COMPILING = "compiling for this processor, once after an installation: some 15 s more than later\n"
 
@@ -72,13 +80,13 @@ def warnings_to(take: Callable[[str], object]) -> Iterator[None]:
 
 @contextmanager
 def working(
-    study: Path, workers: int, cluster: str | None, module: str | None = None
+    study: Path, workers: int, cluster: str | None, modules: Sequence[str] = ()
 ) -> "Iterator[tuple[StageProgress, Executor | None]]":
     """Give progress bars and processes to work on a study; an interrupt loses nothing.
 
     Parameters
     ----------
-    module : str, optional
+    modules : sequence of str
         As of `process_pool`.
     """
     from reports.summaries.progress import progress_bars
@@ -88,7 +96,7 @@ def working(
         warnings_to(lambda warning: warn([warning])),
         about(study),
         progress_bars() as bars,
-        shared(workers, cluster, module) as executor,
+        shared(workers, cluster, modules) as executor,
     ):
         yield stopping_at_steps(bars), executor
 
@@ -188,6 +196,9 @@ def compute_study(
     InvalidInput
         If the study cannot be read or no scheduler answers; and what `step` raises.
     """
+    if workers != 1 and cluster is None:
+        one_thread_each()  # before anything loads the numerics
+        load_ahead(_MODULES)
     content = read_study(study)
     from robotmodels.common.atomic_files import staged_folder
 
@@ -195,8 +206,7 @@ def compute_study(
     new = fresh or not (content.output / "stages").exists()
     if new:
         tell_of_compiling()
-    module = "oed.study.pipeline" if new else None
-    with working(study, workers, cluster, module) as (progress, executor):
+    with working(study, workers, cluster, _MODULES if new else ()) as (progress, executor):
         if new and isinstance(executor, ProcessPool):
             executor.submit(call, "oed.study.compile_ahead", "compile_ahead")
         results = step(content, progress, executor=executor, fresh=fresh)

@@ -1,7 +1,7 @@
 """Processes that share the work of a command, here or on a cluster."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import CancelledError, Executor
 from contextlib import AbstractContextManager, contextmanager
 from importlib import import_module
@@ -30,7 +30,7 @@ def one_thread_each() -> None:
 
 
 def shared(
-    workers: int, address: str | None = None, module: str | None = None
+    workers: int, address: str | None = None, modules: Sequence[str] = ()
 ) -> AbstractContextManager[Executor | None]:
     """Give the executor that a command's options ask for: a cluster's, or that of processes here.
 
@@ -39,26 +39,24 @@ def shared(
     InvalidInput
         As `cluster`.
     """
-    return process_pool(workers, module) if address is None else cluster(address)
+    return process_pool(workers, modules) if address is None else cluster(address)
 
 
 @contextmanager
-def process_pool(workers: int, module: str | None = None) -> Iterator[Executor | None]:
+def process_pool(workers: int, modules: Sequence[str] = ()) -> Iterator[Executor | None]:
     """Give an executor of so many processes; None for one, which is this process.
 
     Parameters
     ----------
-    module : str, optional
+    modules : sequence of str
         What they load at once, if they are sure to be needed.
     """
     if workers == 1:
         yield None
         return
-    pool = ProcessPool(workers, RETRIES)
+    pool = ProcessPool(workers, RETRIES, modules)
     try:
         with waking(pool.terminate):
-            if module is not None:
-                pool.load(module)
             yield pool
     except BaseException:
         pool.terminate()  # their results are not needed any more

@@ -6,11 +6,12 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from importlib import import_module
+from multiprocessing import forkserver
 from multiprocessing.connection import wait
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -24,6 +25,9 @@ _NEVER_BEGAN = (
     'stand under `if __name__ == "__main__":`. If it does, they were killed, possibly out of '
     "memory"
 )
+
+_FORKS = sys.platform == "linux"
+"""Whether processes are copies of one that does nothing else, which is safe nowhere else."""
 
 T = TypeVar("T")
 Call = Callable[[], Any]
@@ -43,9 +47,12 @@ class ProcessPool(Executor):
     Parameters
     ----------
     workers : int
-        Number of processes; each is spawned, and ends with this one.
+        Number of processes, which end with this one.
     restarts : int
         Deaths that are made good; the next one is a `BrokenProcessPool` error.
+    modules : sequence of str
+        What the processes load when they begin. On Linux one process loads them for all, if no
+        pool of this program has begun before.
 
     Raises
     ------
@@ -55,9 +62,11 @@ class ProcessPool(Executor):
         From tasks, where a script starts processes outside ``if __name__ == "__main__":``.
     """
 
-    def __init__(self, workers: int, restarts: int = 3) -> None:
+    def __init__(self, workers: int, restarts: int = 3, modules: Sequence[str] = ()) -> None:
         _check_script()
-        context = multiprocessing.get_context("spawn")
+        context = multiprocessing.get_context("forkserver" if _FORKS else "spawn")
+        if modules and _FORKS:
+            context.set_forkserver_preload(list(modules))
         self._begun = context.Event()
         self._make = partial(
             ProcessPoolExecutor,
@@ -70,6 +79,8 @@ class ProcessPool(Executor):
         self.workers = workers
         self._restarts = restarts
         self._lock = threading.Lock()
+        for module in modules:
+            self.load(module)
 
     def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
         """Return the future result of ``fn(*args, **kwargs)``."""
@@ -158,6 +169,16 @@ def _load(module: str) -> None:
     import_module(module)
 
 
+def load_ahead(modules: Sequence[str]) -> None:
+    """Let processes that begin later have modules that another process loads from now on.
+
+    It does nothing where processes do not begin as copies of one, or that one runs already.
+    """
+    if _FORKS:
+        forkserver.set_forkserver_preload(list(modules))
+        forkserver.ensure_running()
+
+
 class Behind(Executor):
     """An executor whose tasks let those of others go first: few of them wait at a time.
 
@@ -179,6 +200,13 @@ class Behind(Executor):
 def behind_others(executor: Executor | None) -> Executor | None:
     """Return an executor for tasks that may wait, where it is one of processes here."""
     return Behind(executor) if isinstance(executor, ProcessPool) else executor
+
+
+def elsewhere(executor: Executor | None, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> T:
+    """Return ``fn(*args, **kwargs)``, computed by another process where there is an executor."""
+    return (
+        fn(*args, **kwargs) if executor is None else executor.submit(fn, *args, **kwargs).result()
+    )
 
 
 def _check_script() -> None:

@@ -95,6 +95,24 @@ class ElasticRobot:
         """The elastic arm."""
         return build_arm(self.file, self.rigid, self.couplings)
 
+    def arm_with(self, sensor: Output, theta: Array) -> Arm:
+        """Return the arm at `theta` (p,) with the frame of one more sensor on a link.
+
+        It is built once where no parameter changes its bodies.
+        """
+        name = None if self.elements.extra_columns else (sensor.of, sensor.at)
+        if name in self._arms_with_sensors:
+            return self._arms_with_sensors[name]
+        file = self.elements.file_at(theta).model_copy(update={"outputs": [sensor]})
+        arm = build_arm(file, self.rigid, self.couplings)
+        if name is not None:
+            self._arms_with_sensors[name] = arm
+        return arm
+
+    @cached_property
+    def _arms_with_sensors(self) -> dict[object, Arm]:
+        return {}
+
     @cached_property
     def layout(self) -> Layout:
         """Which coordinate belongs to which joint, motor and spring."""

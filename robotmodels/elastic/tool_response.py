@@ -19,7 +19,6 @@ import pinocchio as pin
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.errors import InvalidInput
 from robotmodels.description.outputs import Output
-from robotmodels.elastic.arm import build_arm
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.elastic.segments import link_frame
 from robotmodels.linear.linear_model import LinearModel
@@ -211,8 +210,7 @@ def frame_kinematics(
         at=frame.at,
         direction=(1.0, 0.0, 0.0),
     )
-    file = robot.elements.file_at(theta).model_copy(update={"outputs": [sensor]})
-    arm = build_arm(file, robot.rigid, robot.couplings)
+    arm = robot.arm_with(sensor, theta)
     axes = pin.LOCAL if frame.axes == "link" else pin.LOCAL_WORLD_ALIGNED
     data, index = arm.model.createData(), arm.model.getFrameId(sensor.label, pin.OP_FRAME)
     rows, points = [], []

@@ -167,16 +167,47 @@ def damped_modes(model: LinearModel, rigid: int | None = None) -> DampedModes:
             "linearise one position at a time"
         )
     root = _inverse_root(model.mass)
-    stiffness, damping = (root.T @ a @ root for a in (model.stiffness, model.damping))
-    d = len(stiffness)
-    first_order = np.block([[np.zeros((d, d)), np.eye(d)], [-stiffness, -damping]])
-    poles, vectors = (a.astype(complex) for a in np.linalg.eig(first_order))
-    slow = 2 * _rigid_count(model, rigid)
-    order = np.argsort(np.abs(poles), kind="stable")
-    _check_pairs(poles[order], slow)
-    flexible = [i for i in order[slow:] if poles[i].imag >= 0]
-    shapes = vectors[:d, flexible]
+    poles, vectors = (a.astype(complex) for a in np.linalg.eig(_first_order(model, root)))
+    flexible = _flexible(poles, _rigid_count(model, rigid))
+    shapes = vectors[: len(root), flexible]
     return DampedModes(poles[flexible], root @ (shapes / np.linalg.norm(shapes, axis=0)))
+
+
+def damped_poles(model: LinearModel, rigid: int | None = None) -> list[ComplexArray]:
+    """Return the poles of `damped_modes` of Q models, (k,) each, without shapes.
+
+    Parameters
+    ----------
+    model : LinearModel
+        With a leading axis Q.
+    rigid : int, optional
+        As in `damped_modes`.
+
+    Raises
+    ------
+    InvalidInput, SolverFailed
+        As `damped_modes`.
+    """
+    slow = _rigid_count(model, rigid)
+    poles = np.linalg.eigvals(_first_order(model, _inverse_root(model.mass))).astype(complex)
+    return [one[_flexible(one, slow)] for one in poles]
+
+
+def _first_order(model: LinearModel, root: Array) -> Array:
+    """Return the matrix of x' = A x with x = (q, q'), (..., 2 d, 2 d), masses scaled to one."""
+    transposed, d = np.swapaxes(root, -1, -2), root.shape[-1]
+    A = np.zeros((*root.shape[:-2], 2 * d, 2 * d))
+    A[..., :d, d:] = np.eye(d)
+    A[..., d:, :d] = -(transposed @ model.stiffness @ root)
+    A[..., d:, d:] = -(transposed @ model.damping @ root)
+    return A
+
+
+def _flexible(poles: ComplexArray, rigid: int) -> list[int]:
+    """Return where flexible poles with imaginary part >= 0 are, slowest first."""
+    order = np.argsort(np.abs(poles), kind="stable")
+    _check_pairs(poles[order], 2 * rigid)
+    return [int(i) for i in order[2 * rigid :] if poles[i].imag >= 0]
 
 
 def _check_pairs(poles: ComplexArray, slow: int) -> None:

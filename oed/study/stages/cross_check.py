@@ -95,10 +95,12 @@ def importance(run: Run, result: Stage[SelectedFit]) -> Stage[Importance]:
     fit = result.value.fit
 
     def compute(folder: Path, report: Progress | None) -> Importance:
-        rng = run.rng("importance")
-        return Importance(
-            importance_sample(likelihood_fit(fit), rng=rng, progress=report), fit.trust
-        )
+        likelihood, rng = likelihood_fit(fit), run.rng("importance")
+        if run.executor is None:
+            return Importance(importance_sample(likelihood, rng=rng, progress=report), fit.trust)
+        sample = run.executor.submit(importance_sample, likelihood, rng=rng)
+        trust = fit.trust  # meanwhile
+        return Importance(sample.result(), trust)
 
     inputs = {"robot": run.robot_digest, "result": result.digest, **run.settings("seed")}
     return run.stages.run("importance", inputs, compute, dataclass_files(Importance))

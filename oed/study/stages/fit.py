@@ -28,6 +28,7 @@ from oed.study.stages.run import Run
 from robotmodels import ElasticRobot
 from robotmodels.common.arrays import Array, ComplexArray, IntArray
 from robotmodels.common.errors import InvalidInput, NotIdentifiable, SolverFailed
+from robotmodels.common.process_pool import elsewhere
 from robotmodels.common.progress import Progress
 from robotmodels.data_files.json_text import read_json
 
@@ -98,7 +99,7 @@ def fit(
         runs = _runs(run, estimator, whole.subset(positions), starts, folder / _STORE, report)
         best = runs[0]
         if estimator.reweight and isinstance(best, Fit):
-            best = reweighted(best)
+            best = elsewhere(run.executor, reweighted, best)
         return Search(estimator, runs, best, positions)
 
     def load(folder: Path) -> Search:

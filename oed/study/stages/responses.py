@@ -14,6 +14,7 @@ from oed.study.stages.data import Data
 from oed.study.stages.result import SelectedFit
 from oed.study.stages.run import Run
 from robotmodels.common.arrays import Array
+from robotmodels.common.process_pool import elsewhere
 from robotmodels.common.progress import Progress
 from robotmodels.linear.derived_models import WithParameters
 
@@ -50,18 +51,12 @@ def responses(
         return None
 
     def compute(folder: Path, report: Progress | None) -> PredictedResponses:
-        # Imported here: whose band is stored needs no compiled code.
-        from estimators.validation.predictive_band import predictive_band
-
-        at, omega = estimate.positions, estimate.omega
         fitted = WithParameters(run.robot, result.value.fit.parameters.values)
-        std = prediction_std(log_frf_gradients(fitted, at, omega), covariances.value.covariance)
-        if posterior is None or not posterior.value.converged:
-            return PredictedResponses(std, None)
-        draws = posterior.value.draws
-        some = draws[:: -(-len(draws) // _DRAWS)]
-        band = predictive_band(run.robot, at, omega, some, np.sqrt(estimate.variance))
-        return PredictedResponses(std, np.stack(band))
+        draws = None
+        if posterior is not None and posterior.value.converged:
+            draws = posterior.value.draws[:: -(-len(posterior.value.draws) // _DRAWS)]
+        covariance = covariances.value.covariance
+        return elsewhere(run.executor, _predicted, fitted, estimate, covariance, draws)
 
     inputs = {
         "robot": run.robot_digest,
@@ -71,3 +66,17 @@ def responses(
         "posterior": None if posterior is None else posterior.digest,
     }
     return run.stages.run("responses", inputs, compute, dataclass_files(PredictedResponses))
+
+
+def _predicted(
+    fitted: WithParameters, estimate: FrfEstimate, covariance: Array, draws: Array | None
+) -> PredictedResponses:
+    # Imported here: whose band is stored needs no compiled code.
+    from estimators.validation.predictive_band import predictive_band
+
+    at, omega = estimate.positions, estimate.omega
+    std = prediction_std(log_frf_gradients(fitted, at, omega), covariance)
+    if draws is None:
+        return PredictedResponses(std, None)
+    band = predictive_band(fitted.model, at, omega, draws, np.sqrt(estimate.variance))
+    return PredictedResponses(std, np.stack(band))

@@ -16,6 +16,7 @@ from oed.study.stages.fit import LIKELIHOODS, SAME_COST, Search, start_number
 from oed.study.stages.run import Run
 from robotmodels import ElasticRobot
 from robotmodels.common.arrays import Array
+from robotmodels.common.process_pool import elsewhere
 from robotmodels.common.progress import Progress
 
 
@@ -45,7 +46,7 @@ def result(
 
     def compute(folder: Path, report: Progress | None) -> SelectedFit:
         if name is None:
-            return best_likelihood(run.robot, estimate, finished, starts)
+            return elsewhere(run.executor, best_likelihood, run.robot, estimate, finished, starts)
         search = finished[name]
         return SelectedFit(search.result, origin_of(starts, search.runs[0]))
 

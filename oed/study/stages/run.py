@@ -1,13 +1,13 @@
 """A study under way: settings, robots, random numbers and the stages that are finished."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
@@ -17,13 +17,15 @@ from estimators.fitting.priors import Prior
 from estimators.frf.file_formats import read_records
 from oed.study.settings.candidates_settings import CandidatesChoice
 from oed.study.settings.study_file import Frequencies, Study
-from oed.study.stage_cache import Stages, open_stages
+from oed.study.stage_cache import Beside, Stages, open_stages
 from robotmodels import ElasticRobot, at_recorded_speeds, load_robot, with_speeds
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.errors import InvalidInput, naming
 from robotmodels.common.progress import StageProgress
 from robotmodels.library.robot_digest import robot_digest
 from robotmodels.linear.noise import RelativeNoise
+
+T = TypeVar("T")
 
 STREAMS = (
     "data",
@@ -78,6 +80,10 @@ class Run:
     def robot_digest(self) -> str:
         """Content of the robot file."""
         return robot_digest(self.robot)
+
+    def beside(self, name: str, compute: Callable[[], T]) -> AbstractContextManager[Beside[T]]:
+        """Give a stage that other processes compute meanwhile, see `Stages.beside`."""
+        return self.stages.beside(name, compute, at_once=self.executor is not None)
 
     @cached_property
     def starts(self) -> Array:

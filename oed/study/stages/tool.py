@@ -12,6 +12,7 @@ from oed.study.stage_cache import Stage, dataclass_files
 from oed.study.stages.result import SelectedFit
 from oed.study.stages.run import Run
 from robotmodels.common.arrays import Array
+from robotmodels.common.process_pool import elsewhere
 from robotmodels.common.progress import Progress
 
 _POSITIONS, _DRAWS = 24, 200
@@ -38,7 +39,7 @@ def tool(
         if posterior is not None and posterior.value.converged:
             rng = np.random.default_rng(0)
             spread = fit_draws(fit, posterior.value.draws, _DRAWS, rng)
-        return predict_tool(fit, shown, spread=spread)
+        return elsewhere(run.executor, predict_tool, fit, shown, spread=spread)
 
     inputs = {
         "robot": run.robot_digest,
