@@ -196,9 +196,7 @@ def compute_study(
     InvalidInput
         If the study cannot be read or no scheduler answers; and what `step` raises.
     """
-    if workers != 1 and cluster is None:
-        one_thread_each()  # before anything loads the numerics
-        load_ahead(_MODULES)
+    _load_ahead(workers, cluster)
     content = read_study(study)
     from robotmodels.common.atomic_files import staged_folder
 
@@ -220,6 +218,13 @@ def compute_study(
                 failed = pages(results, folder, progress)
                 results = results.with_failures(*failed)
     return results
+
+
+def _load_ahead(workers: int, cluster: str | None) -> None:
+    """Let another process load what workers need while this one does the same."""
+    if workers != 1 and cluster is None:
+        one_thread_each()  # before anything loads the numerics
+        load_ahead(_MODULES)
 
 
 def end_with_failures(study: Path, results: "PlannedStudy") -> None:
