@@ -151,6 +151,10 @@ class Column:
         return re.sub(r"\[.*?\]", lambda unit: unit[0].replace(" ", "\u00a0"), self.title)
 
 
+_LONG = 110
+"""Characters of the longest cells of a table's columns, with the space between."""
+
+
 @dataclass(frozen=True)
 class Table:
     """A table that sorts and can be downloaded; rows come in groups, one without a name or more."""
@@ -159,6 +163,13 @@ class Table:
     caption: str
     columns: tuple[Column, ...]
     groups: tuple[tuple[str, tuple[tuple[Cell, ...], ...]], ...]
+
+    @property
+    def dense(self) -> bool:
+        """Whether its cells are so long together that they are set closer."""
+        rows = [row for _, group in self.groups for row in group]
+        words = [[one if isinstance(one, str) else one.text for one in row] for row in rows]
+        return sum(max(map(len, column)) + 2 for column in zip(*words, strict=True)) > _LONG
 
 
 def table(

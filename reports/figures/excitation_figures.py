@@ -1,7 +1,7 @@
 """Figures of a run: torque, speed and angle in time against limits, and the spectra of motors."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from robotmodels import Records
 from robotmodels.common.arrays import Array, IntArray
 
 _BINS = 120  # of a signal in time, at most, each drawn from its least to its largest value
-_TITLES = ("torque [N m]", "speed [rad/s]", "angle [rad]", "torque spectrum [N m]")
+_TITLES = ("torque [N m]", "speed [rad/s]", "angle [rad]", "spectrum [N m]")
 _FAR = 5.0  # limits over what is reached, above which they would flatten the signal
 _ABOVE = 2.0  # highest line, times this, up to which angles are differentiated
 
@@ -62,6 +62,18 @@ def excitation(run: Run, motors: Sequence[str], limits: Mapping[str, Array]) -> 
         _row(run, i, motor, limits, last=i == len(motors) - 1) for i, motor in enumerate(motors)
     ]
     return Panels((8.2, 0.7 + 1.05 * len(motors)), rows)
+
+
+def halves(panels: Panels) -> tuple[Panels, Panels]:
+    """Return the left and the right half of the panels, which narrow screens show in two rows."""
+    width, height = panels.size
+    left = [row[:2] for row in panels.rows]
+    right = [[*row[2:]] for row in panels.rows]
+    for row, beside in zip(panels.rows, right, strict=True):
+        if row[0] and beside[0]:
+            motor = row[0].y.label.split("\n")[0]
+            beside[0] = replace(beside[0], y=replace(beside[0].y, label=motor))
+    return Panels((width / 2, height), left), Panels((width / 2, height), right)
 
 
 def _row(run: Run, i: int, motor: str, limits: Mapping[str, Array], *, last: bool) -> list[Panel]:

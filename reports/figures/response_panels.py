@@ -139,6 +139,7 @@ class ResponsePanels:
         return Markup(
             f'<svg viewBox="0 0 {width:g} {height:g}" role="img" aria-label="{escape(alt)}" '
             f'style="--width: {width:.0f}; max-width: {width * 4 / 3:.0f}px" '
+            f'class="{"many" if layout.columns > 2 else "few"}" '
             f'data-panels="{_panel_data(layout)}">'
             f"{_grid(name, layout, scales, corners)}"
             f"{self._curves(layout, scales, corners)}"
@@ -257,19 +258,21 @@ def _labels(layout: _Layout, outputs: Sequence[str], inputs: Sequence[str], scal
         x, y = layout.corner(0, j)
         names.append(_text(x + width / 2, y - 6, f"from {word}"))
         for tick, part in zip(ticks, scales.across(ticks), strict=True):
-            numbers.append(_text(x + width * float(part), last + 11, f"{tick:g}"))
+            numbers.append(_text(x + width * float(part), last + 11, f"{tick:g}", "below"))
     for i, word in enumerate(outputs):
         x, y = layout.corner(i, 0)
         at = f"translate({x - 38:.1f} {y + 0.7 * height:.1f})"
-        names.append(f'<text transform="{at} rotate(-90)">to {escape(word)}</text>')
-        for tick, part in zip(scales.level_ticks(), scales.part(scales.level_ticks()), strict=True):
+        names.append(f'<text class="row" transform="{at} rotate(-90)">to {escape(word)}</text>')
+        seen = scales.level_ticks()
+        for k, (tick, part) in enumerate(zip(seen, scales.part(seen), strict=True)):
             if 0.06 < part <= 1 + 1e-9:  # the lowest would meet the phase's highest
-                levels.append(_text(x - 4, y + height * (1 - part) + 3, fixed(float(tick), 0)))
+                at_level, words = y + height * (1 - part) + 3, fixed(float(tick), 0)
+                levels.append(_text(x - 4, at_level, words, "spare" if k % 2 else ""))
         for degrees, down in ((180, 7), (0, 3), (-180, 0)):
             middle = phase + _PHASE * height * (0.5 - degrees / 360)
-            levels.append(_text(x - 4, y + middle + down, fixed(degrees, 0) + "°"))
+            levels.append(_text(x - 4, y + middle + down, fixed(degrees, 0) + "°", "spare"))
     left, right = layout.corner(0, 0)[0], layout.corner(0, len(inputs) - 1)[0] + width
-    axis = _text((left + right) / 2, last + 28, "frequency [Hz]")
+    axis = _text((left + right) / 2, last + 28, "frequency [Hz]", "below")
     small = 'font-size="8" fill="var(--muted)"'
     return (
         f'<g font-size="9" fill="var(--ink)" text-anchor="middle">{"".join(names)}</g>'
@@ -279,8 +282,10 @@ def _labels(layout: _Layout, outputs: Sequence[str], inputs: Sequence[str], scal
     )
 
 
-def _text(x: float, y: float, words: str) -> str:
-    return f'<text x="{x:.1f}" y="{y:.1f}">{escape(words)}</text>'
+def _text(x: float, y: float, words: str, kind: str = "") -> str:
+    """Return words at a place; narrow screens leave `kind` "spare" out and shift "below"."""
+    mark = kind and f' class="{kind}"'
+    return f'<text x="{x:.1f}" y="{y:.1f}"{mark}>{escape(words)}</text>'
 
 
 def _panel_data(layout: _Layout) -> str:

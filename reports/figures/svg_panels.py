@@ -218,8 +218,8 @@ def _words(x: float, y: float, words: str, anchor: str, colour: str) -> str:
 def _turned(x: float, y: float, words: str) -> str:
     """Return a label along an upright axis."""
     return (
-        f'<text transform="translate({x:.1f} {y:.1f}) rotate(-90)" font-size="{_SIZE:g}" '
-        f'fill="var(--muted)" text-anchor="middle">{escape(words)}</text>'
+        f'<text class="turned" transform="translate({x:.1f} {y:.1f}) rotate(-90)" '
+        f'font-size="{_SIZE:g}" fill="var(--muted)" text-anchor="middle">{escape(words)}</text>'
     )
 
 

@@ -29,6 +29,7 @@ from reports.page_elements import (
     percent_cell,
     table,
 )
+from reports.sections.experiment import signal_figures
 from reports.summaries.frf_summary import excess, loop_words, ranked, relative_std
 from robotmodels.common.arrays import Array
 from robotmodels.common.atomic_files import write_text
@@ -236,17 +237,15 @@ def level_table(measurement: MeasuredFrf) -> Table:
     return table("level-table", caption, columns, rows)
 
 
-def _first_run(measurement: MeasuredFrf) -> Figure | None:
+def _first_run(measurement: MeasuredFrf) -> list[Figure]:
     """Return the signals of the first run; none where outputs are not the motors' angles."""
     records, motors = measurement.first, measurement.motors
     if (records.derivatives != 2).any() or records.angle.shape[-1] != len(motors):
-        return None
+        return []
     shown = excitation_figures.run_of(records)
     if not (np.isfinite(shown.torque).all() and np.isfinite(shown.angle).all()):
-        return None
-    alt = "Torque, speed and angle of each motor in time, and the spectrum of its torque"
-    drawing = excitation_figures.excitation(shown, motors, {})
-    return figure("first-run", drawing, alt, wide=True)
+        return []
+    return signal_figures("first-run", excitation_figures.excitation(shown, motors, {}))
 
 
 def _loops(measurement: MeasuredFrf) -> list[str]:

@@ -12,6 +12,7 @@ from oed.study.stages.experiment import SimulatedExperiment
 from reports import text
 from reports.figures import excitation_figures
 from reports.figures.excitation_figures import run_of
+from reports.figures.panels import Panels
 from reports.page_elements import (
     Cell,
     Column,
@@ -47,14 +48,14 @@ def section(results: StudyResults) -> Section | None:
     return Section("experiment", "Experiments", body)
 
 
-def excitation(results: StudyResults, experiment: SimulatedExperiment | None) -> Figure | None:
+def excitation(results: StudyResults, experiment: SimulatedExperiment | None) -> list[Figure]:
     """Return the first run of the first visit against its limits; none without its records."""
     settings = results.study.data.experiment
     if experiment is None or settings is None or not experiment.records.exists():
-        return None
+        return []
     records = next(iterate_records(experiment.records))
     if records.angle.shape[-1] < len(results.robot.motor_names) or (records.derivatives != 2).any():
-        return None
+        return []
     limits = {
         name: per_motor(name, value, results.robot.motor_names)
         for name in ("torque", "speed", "swing")
@@ -65,8 +66,16 @@ def excitation(results: StudyResults, experiment: SimulatedExperiment | None) ->
             [m.gear_ratio for m in results.robot.file.motors]
         )
     drawing = excitation_figures.excitation(run_of(records), results.robot.motor_names, limits)
-    alt = "Torque, speed and angle of each motor in time, and the spectrum of its torque"
-    return figure("excitation", drawing, alt, wide=True)
+    return signal_figures("excitation", drawing)
+
+
+def signal_figures(id: str, drawing: Panels) -> list[Figure]:
+    """Return the halves of a drawing of `excitation_figures.excitation`."""
+    left, right = excitation_figures.halves(drawing)
+    return [
+        figure(id, left, "Torque and speed of each motor in time"),
+        figure(f"{id}-angles", right, "Angle of each motor in time, and spectrum of its torque"),
+    ]
 
 
 def peak_table(o: Outcome, motors: tuple[str, ...]) -> Table:

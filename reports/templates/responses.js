@@ -36,6 +36,7 @@
     };
   };
   const { words, make, ticks, extent, axes } = plotting("frf-element");
+  let width = 780; // of axes; narrow screens have narrow ones, with the same words
   const DECIBELS = 20 / Math.LN10;
   const decibels = (logarithms) => [...logarithms].map((value) => DECIBELS * value);
   const degrees = (phases) => [...phases].map((v) => ((((v * 180) / Math.PI + 180) % 360) + 360) % 360 - 180);
@@ -106,9 +107,9 @@
     const range = extent(shown);
     range[0] = Math.max(range[0], range[1] - 120);
     const unit = data.units[state.i];
-    const upper = axes(svg, [62, 10, 780, 230], frequencies, range, { ys: ticks(...range), title: `dB of 1 ${unit}`, name: "a" });
+    const upper = axes(svg, [62, 10, width, 230], frequencies, range, { ys: ticks(...range), title: `dB of 1 ${unit}`, name: "a" });
     const turns = [-180, -90, 0, 90, 180];
-    const lower = axes(svg, [62, 256, 780, 110], frequencies, [-180, 180],
+    const lower = axes(svg, [62, 256, width, 110], frequencies, [-180, 180],
       { ys: turns, title: "phase [°]", name: "b", xTitle: model ? "" : "frequency [Hz]" });
     upper.band(f, low, high, "accent");
     for (const other of also) {
@@ -128,7 +129,7 @@
     const dashes = paired ? "7 4" : "";
     upper.line(fine, decibels(one.modelSize), "second", 1.5, false, dashes);
     lower.line(fine, degrees(one.modelPhase), "second", 1.5, true, dashes);
-    const below = [62, 382, 780, 80];
+    const below = [62, 382, width, 80];
     if (paired) {
       const away = f.map((_, k) => apart(one, k));
       const ends = extent([away, [0]]);
@@ -152,11 +153,11 @@
     if (model) curves.push(parts(rounded(one.modelSize), rounded(one.modelPhase)));
     const also = besides().map((q) => element(q, state.i, state.j)).map((other) => parts(other.size, other.phase));
     const [[x0, x1], [y0, y1]] = [0, 1].map((side) => extent([[0], ...[...curves, ...also].map((c) => c[side])]));
-    const scale = Math.max((x1 - x0) / 780, (y1 - y0) / 440) / 2; // alike along both axes
+    const scale = Math.max((x1 - x0) / width, (y1 - y0) / 440) / 2; // alike along both axes
     const [x, y] = [(x0 + x1) / 2, (y0 + y1) / 2];
-    const [xr, yr] = [[x - 780 * scale, x + 780 * scale], [y - 440 * scale, y + 440 * scale]];
+    const [xr, yr] = [[x - width * scale, x + width * scale], [y - 440 * scale, y + 440 * scale]];
     const unit = data.units[state.i];
-    const plane = axes(svg, [62, 10, 780, 440], xr, yr,
+    const plane = axes(svg, [62, 10, width, 440], xr, yr,
       { log: false, xs: ticks(...xr), ys: ticks(...yr), title: `imaginary part [${unit}]`, xTitle: `real part [${unit}]`, name: "a" });
     for (const other of also) plane.line(...other, "muted", 0.7);
     plane.line(...curves[0], "accent", 0.6);
@@ -172,7 +173,7 @@
       ? shown.map((_, k) => decibels(cut(modelSingular, state.q * rank + k, fine.length))) : [];
     const range = extent([...shown, ...ofModel]);
     range[0] = Math.max(range[0], range[1] - 160);
-    const plane = axes(svg, [62, 10, 780, 440], frequencies, range,
+    const plane = axes(svg, [62, 10, width, 440], frequencies, range,
       { ys: ticks(...range), title: "singular values [dB]", xTitle: "frequency [Hz]", name: "a" });
     for (const one of shown) plane.line(f, one, "accent", 1);
     for (const one of ofModel) plane.line(fine, one, "second", 1.4, false, paired ? "7 4" : "");
@@ -182,7 +183,7 @@
   const coherenceOf = (one, q) =>
     [...one.size].map((v, k) => 1 / (1 + data.repetitions[q] * Math.exp(2 * (one.std[k] - v))));
   const coherence = (svg, one) => {
-    const plane = axes(svg, [62, 10, 780, 440], frequencies, [0, 1.02],
+    const plane = axes(svg, [62, 10, width, 440], frequencies, [0, 1.02],
       { ys: ticks(0, 1), title: "coherence of one experiment, from its SNR", xTitle: "frequency [Hz]", name: "a" });
     for (const q of besides()) plane.line(f, coherenceOf(element(q, state.i, state.j), q), "muted", 0.7);
     plane.line(f, coherenceOf(one, state.q), "accent", 1.4);
@@ -229,8 +230,9 @@
     if (bandBox) bandBox.parentElement.hidden = state.view !== 0;
     for (const part of figure.querySelectorAll("[data-views]"))
       part.hidden = !part.dataset.views.includes(state.view);
-    const svg = make("svg", { viewBox: "0 0 860 500", role: "img", tabindex: 0, "aria-label": title });
-    svg.style.setProperty("--width", 600);
+    width = innerWidth < 640 ? 350 : 780;
+    const svg = make("svg", { viewBox: `0 0 ${width + 80} 500`, role: "img", tabindex: 0, "aria-label": title });
+    svg.style.setProperty("--width", width === 780 ? 600 : 300);
     const planes = DRAWINGS[state.view](svg, one);
     const cross = make("path", { stroke: "var(--ink)", "stroke-width": 0.8, fill: "none", "stroke-dasharray": "3 3" });
     svg.append(cross);

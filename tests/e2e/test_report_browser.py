@@ -249,6 +249,10 @@ def test_light_dark_and_as_the_system_has_it(desktop):
     assert not button.is_visible()
 
 
+SCROLLED = """all => all.filter((one) => one.scrollWidth > one.clientWidth + 1)
+    .map((one) => one.getAttribute("aria-label"))"""
+
+
 @pytest.mark.parametrize("name", ["desktop", "phone"])
 def test_nothing_is_wider_than_the_screen(request, name):
     page = request.getfixturevalue(name)
@@ -257,6 +261,8 @@ def test_nothing_is_wider_than_the_screen(request, name):
     assert root.evaluate("e => e.scrollWidth") <= page.viewport_size["width"]
     colours = picture(page).astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1], dtype=np.uint32)
     assert len(np.unique(colours)) > 20  # not blank
+    scrolled = page.locator(".scroll").evaluate_all(SCROLLED)
+    assert [one for one in scrolled if name == "desktop" or not one.startswith("Table ")] == []
     tall = page.locator("body").bounding_box()["height"]
     assert tall > 3000
     small = page.locator("svg text:visible").evaluate_all(
@@ -266,7 +272,7 @@ def test_nothing_is_wider_than_the_screen(request, name):
             return parseFloat(getComputedStyle(text).fontSize) * scale;
         }))"""
     )
-    assert small > 8.0  # [px]; figures scroll sideways rather than shrink
+    assert small > 8.0  # [px]
 
 
 def test_without_scripts_everything_is_shown(browser, report):

@@ -99,6 +99,25 @@ def test_an_element_of_a_run_is_enlarged(simulated):
         assert bad == []
 
 
+@pytest.mark.parametrize("width", [390, 1100, 1400])
+def test_figures_fit_every_screen_and_tables_wide_ones(simulated, width):
+    _, folder, _ = simulated
+    with (
+        chromium() as browser,
+        open_page(browser, folder / "report.html", width, 900) as (page, bad),
+    ):
+        page.locator("#frf-element svg").wait_for()
+        page.locator("details").evaluate_all("all => all.forEach((one) => { one.open = true; })")
+        assert page.locator("html").evaluate("e => e.scrollWidth") <= width
+        scrolled = page.locator(".scroll").evaluate_all(SCROLLED)
+        assert [one for one in scrolled if width > 390 or not one.startswith("Table ")] == []
+        assert bad == []
+
+
+SCROLLED = """all => all.filter((one) => one.scrollWidth > one.clientWidth + 1)
+    .map((one) => one.getAttribute("aria-label"))"""
+
+
 def test_a_visit_of_one_run_is_worth_its_part_of_an_experiment(simulated):
     _, folder, _ = simulated
     design = json.loads((folder / "design.json").read_text())
