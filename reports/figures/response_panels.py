@@ -250,7 +250,6 @@ def _grid(name: str, layout: _Layout, scales: _Scales, corners: Array) -> str:
 def _labels(layout: _Layout, outputs: Sequence[str], inputs: Sequence[str], scales: _Scales) -> str:
     """Return the words: names of rows and columns, levels, degrees and frequencies."""
     width, height = layout.panel
-    phase = height * (1 + _GAP_PHASE)
     names, numbers, levels = [], [], []
     ticks = scales.frequency_ticks()
     last = layout.corner(layout.rows, 0)[1] - _GAP_Y * height  # below the lowest phase
@@ -263,14 +262,7 @@ def _labels(layout: _Layout, outputs: Sequence[str], inputs: Sequence[str], scal
         x, y = layout.corner(i, 0)
         at = f"translate({x - 38:.1f} {y + 0.7 * height:.1f})"
         names.append(f'<text class="row" transform="{at} rotate(-90)">to {escape(word)}</text>')
-        seen = scales.level_ticks()
-        for k, (tick, part) in enumerate(zip(seen, scales.part(seen), strict=True)):
-            if 0.06 < part <= 1 + 1e-9:  # the lowest would meet the phase's highest
-                at_level, words = y + height * (1 - part) + 3, fixed(float(tick), 0)
-                levels.append(_text(x - 4, at_level, words, "spare" if k % 2 else ""))
-        for degrees, down in ((180, 7), (0, 3), (-180, 0)):
-            middle = phase + _PHASE * height * (0.5 - degrees / 360)
-            levels.append(_text(x - 4, y + middle + down, fixed(degrees, 0) + "°", "spare"))
+        levels += _beside(x - 4, y, height, scales)
     left, right = layout.corner(0, 0)[0], layout.corner(0, len(inputs) - 1)[0] + width
     axis = _text((left + right) / 2, last + 28, "frequency [Hz]", "below")
     small = 'font-size="8" fill="var(--muted)"'
@@ -280,6 +272,19 @@ def _labels(layout: _Layout, outputs: Sequence[str], inputs: Sequence[str], scal
         f'<g {small} text-anchor="end">{"".join(levels)}</g>'
         f'<g font-size="9" fill="var(--muted)" text-anchor="middle">{axis}</g>'
     )
+
+
+def _beside(x: float, y: float, height: float, scales: _Scales) -> list[str]:
+    """Return levels and degrees on the left of a row whose magnitudes begin at y."""
+    words, ticks = [], scales.level_ticks()
+    for k, (tick, part) in enumerate(zip(ticks, scales.part(ticks), strict=True)):
+        if 0.06 < part <= 1 + 1e-9:  # the lowest would meet the phase's highest
+            at = y + height * (1 - part) + 3
+            words.append(_text(x, at, fixed(float(tick), 0), "spare" if k % 2 else ""))
+    for degrees, down in ((180, 7), (0, 3), (-180, 0)):
+        at = y + height * (1 + _GAP_PHASE + _PHASE * (0.5 - degrees / 360)) + down
+        words.append(_text(x, at, fixed(degrees, 0) + "°", "spare"))
+    return words
 
 
 def _text(x: float, y: float, words: str, kind: str = "") -> str:
