@@ -395,8 +395,8 @@ def _advance(
     _copy(engine.applied, scratch.driven)
     for step in range(substeps):
         _copy(engine.qvel, scratch.before)
-        for j, c in enumerate(drives.coordinate):
-            engine.applied[c] += impulses[j] / h
+        for j in range(len(impulses)):
+            engine.applied[drives.coordinate[j]] += impulses[j] / h
         _integrate(engine, springs, scratch, drives, reactions, h)
         if step == substeps - 1:
             _correct(engine, springs, scratch, reactions, duration)
@@ -426,7 +426,6 @@ def _integrate(
         for i in range(len(q)):
             slope_q[i] = _A[stage] * slope_q[i] + h * v[i]
             slope_v[i] = _A[stage] * slope_v[i] + h * engine.acceleration[i]
-        for i in range(len(q)):
             q[i] += _B[stage] * slope_q[i]
             v[i] += _B[stage] * slope_v[i]
 
@@ -445,7 +444,8 @@ def _accelerate(engine: MujocoState, forces: Array, reactions: Array) -> None:
 @inlined
 def _brake(engine: MujocoState, drives: Drives, driven: Array) -> None:
     """Take smooth Coulomb friction from the forces `driven` (d,)."""
-    for i, c in enumerate(drives.brakes):
+    for i in range(len(drives.brakes)):
+        c = drives.brakes[i]
         torque = drives.brake_torque[i] * np.tanh(engine.qvel[c] / drives.brake_width[i])
         engine.applied[c] = driven[c] - torque
 
@@ -560,26 +560,34 @@ def apply_coulomb_friction(
     """
     if not drives.friction.any():
         return
-    bounds = [
-        _impulse_bounds(engine, drives, before, j, h, impulses[j]) for j in range(len(impulses))
-    ]
+    bounds = np.empty((len(impulses), 2))
+    for j in range(len(impulses)):
+        bounds[j, 0], bounds[j, 1] = _impulse_bounds(engine, drives, before, j, h, impulses[j])
     for _ in range(_SWEEPS):
-        change = 0.0
-        for j in range(len(impulses)):
-            if drives.friction[j] == 0:
-                continue
-            c = drives.coordinate[j]
-            last = impulses[j]
-            needed = last - engine.qvel[c] / drives.mobility[c, j]
-            impulses[j] = min(max(needed, bounds[j][0]), bounds[j][1])
-            impulse = impulses[j] - last
-            change = max(change, abs(impulse) / (h * drives.friction[j] * abs(drives.ratio[j])))
-            for i in range(len(engine.qvel)):
-                change_of_speed = drives.mobility[i, j] * impulse
-                engine.qvel[i] += change_of_speed
-                engine.qpos[i] += 0.5 * h * change_of_speed
-        if change < 1e-9:
+        if _sweep(engine, drives, bounds, impulses, h) < 1e-9:
             break
+
+
+@inlined
+def _sweep(engine: MujocoState, drives: Drives, bounds: Array, impulses: Array, h: float) -> float:
+    """Stop each motor in turn, within `bounds` (n, 2); return the largest change of friction."""
+    change = 0.0
+    for j in range(len(impulses)):
+        if drives.friction[j] == 0:
+            continue
+        c = drives.coordinate[j]
+        last = impulses[j]
+        needed = last - engine.qvel[c] / drives.mobility[c, j]
+        impulses[j] = min(max(needed, bounds[j, 0]), bounds[j, 1])
+        impulse = impulses[j] - last
+        if impulse == 0:
+            continue
+        change = max(change, abs(impulse) / (h * drives.friction[j] * abs(drives.ratio[j])))
+        for i in range(len(engine.qvel)):
+            change_of_speed = drives.mobility[i, j] * impulse
+            engine.qvel[i] += change_of_speed
+            engine.qpos[i] += 0.5 * h * change_of_speed
+    return change
 
 
 @inlined
