@@ -1,6 +1,6 @@
 """What stands in the viewer's space: the robot, obstacles, candidates, the plan."""
 
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 import viser
@@ -13,11 +13,20 @@ from robotmodels.common.arrays import Array
 
 _LINK, _THING, _VISIT = (150, 165, 185), (205, 150, 110), (214, 40, 90)
 _PLANE = 3.0  # edge of what is drawn of a plane [m]
-_NEAR = 0.3  # distance of positions whose numbers would cover each other [m]
-_ANCHORS: tuple[Literal["top-left", "bottom-right", "bottom-left", "top-right"], ...] = (
-    *("top-left", "bottom-right"),
-    *("bottom-left", "top-right"),
-)
+_NUMBER = np.array([0.05, 0.036])  # width and height of a number, seen from the camera [rad]
+Anchor = Literal[
+    "top-left",
+    "bottom-right",
+    "bottom-left",
+    "top-right",
+    "top-center",
+    "bottom-center",
+    "center-left",
+    "center-right",
+]
+_ANCHORS: tuple[Anchor, ...] = get_args(Anchor)
+_TOWARDS = {"left": 1.0, "right": -1.0, "top": -1.0, "bottom": 1.0, "center": 0.0}
+"""Where a label lies that is anchored at its left, ..., along the screen's axes."""
 _SMALL, _LARGE = 0.008, 0.03  # candidates without and with weight [m]
 PICKED = np.deg2rad(0.7)
 """Angle between a click and a point, seen from the camera, within which it is picked [rad]."""
@@ -112,15 +121,43 @@ class Candidates:
         )
 
 
-def add_plan(server: viser.ViserServer, view: View) -> None:
-    """Draw the positions of the plan, numbered and joined in the order of visits."""
+def label_anchors(points: Array, eye: Array, target: Array) -> list[Anchor]:
+    """Return at which corner or side each number touches its point, so that none covers another.
+
+    Parameters
+    ----------
+    points : ndarray, (N, 3), m
+        What is numbered.
+    eye, target : ndarray, (3,), m
+        Where the camera is and what it looks at; from other directions numbers may meet.
+    """
+    forward = (target - eye) / np.linalg.norm(target - eye)
+    right = np.cross(forward, [0.0, 0.0, 1.0]) / np.linalg.norm(np.cross(forward, [0.0, 0.0, 1.0]))
+    rays = points - eye
+    on_screen = rays @ np.stack([right, np.cross(right, forward)]).T / (rays @ forward)[:, None]
+    sides = np.array([[_TOWARDS[word] for word in one.split("-")[::-1]] for one in _ANCHORS])
+    anchors: list[Anchor] = []
+    placed = np.empty((0, 2))
+    for point in on_screen:
+        centres = point + sides * _NUMBER / 2
+        apart = (np.abs(centres[:, None] - placed) / _NUMBER).max(axis=-1)
+        best = int(np.argmax(apart.min(axis=1, initial=1.0)))
+        anchors.append(_ANCHORS[best])
+        placed = np.vstack([placed, centres[best]])
+    return anchors
+
+
+def add_plan(server: viser.ViserServer, view: View, eye: Array, target: Array) -> None:
+    """Draw the positions of the plan, numbered and joined in the order of visits.
+
+    The numbers are placed for a camera at `eye` (3,) that looks at `target` (3,) [m].
+    """
     if view.study is None:
         return
     points = view.tool_points(view.study.plan.positions)
-    for k, point in enumerate(points):
-        near = np.linalg.norm(points[:k] - point, axis=1) < _NEAR
-        anchor = _ANCHORS[near.sum() % len(_ANCHORS)]
-        server.scene.add_label(f"/plan/{k + 1}", str(k + 1), position=point, anchor=anchor)
+    anchors = label_anchors(points, eye, target)
+    for k, (point, anchor) in enumerate(zip(points, anchors, strict=True), start=1):
+        server.scene.add_label(f"/plan/{k}", str(k), position=point, anchor=anchor)
     if len(points) > 1:
         paths = np.stack([points[:-1], points[1:]], axis=1)
         server.scene.add_line_segments("/plan/order", paths, _VISIT, thickness=0.006)

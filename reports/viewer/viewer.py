@@ -60,17 +60,17 @@ class Viewer:
         limits, study = view.robot.position_limits, view.study
         start = limits.mean(axis=1) if study is None else study.plan.positions[0]
         self._body, self._candidates = RobotBody(server, view), Candidates(server, view)
-        add_plan(server, view)
+        points = np.vstack([view.candidate_points, view.tool_points(start[None])])
+        low, high = np.minimum(points.min(axis=0), 0.0), np.maximum(points.max(axis=0), 0.0)
+        camera, middle = server.initial_camera, (low + high) / 2
+        camera.look_at, camera.position = middle, middle + np.linalg.norm(high - low) * _CAMERA
+        add_plan(server, view, np.asarray(camera.position), middle)
         add_obstacles(server, view)
         self.controls = Controls(server.gui, view, start, self._touch)
         if study is not None:
             self._show_candidates(server)
         self._tool = server.scene.add_transform_controls("/tool", 0.25, disable_rotations=True)
         self._tool.on_update(self._drag)
-        points = np.vstack([view.candidate_points, view.tool_points(start[None])])
-        low, high = np.minimum(points.min(axis=0), 0.0), np.maximum(points.max(axis=0), 0.0)
-        camera, middle = server.initial_camera, (low + high) / 2
-        camera.look_at, camera.position = middle, middle + np.linalg.norm(high - low) * _CAMERA
 
     def _show_candidates(self, server: viser.ViserServer) -> None:
         """Let candidates be coloured, shown and clicked."""

@@ -8,10 +8,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from browser import violations_of
 from command_line import oed
 from conftest import drawn
+from PIL import Image
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -173,6 +175,17 @@ def test_files_named_in_a_page_exist(page):
         r"`((?:robotmodels|estimators|oed|reports|studies|examples)/[^`]*)`", text
     ):
         assert (ROOT / path).exists(), path
+
+
+def test_the_page_of_the_viewer_shows_the_viewer():
+    page = (DOCS / "how-to" / "view.md").read_text(encoding="utf-8")
+    shown = re.findall(r"!\[[^]]*]\(([^)]+)\)", page)
+    assert shown == ["../pictures/viewer.png"]
+    picture = Image.open(DOCS / "how-to" / shown[0]).convert("RGB")
+    assert min(picture.size) > 600
+    red, green, blue = np.asarray(picture).astype(int).transpose(2, 0, 1)
+    order = (red > 180) & (green < 90) & (blue < 150)  # the line along the plan's visits
+    assert order.sum() > 200
 
 
 def test_the_site_builds_without_warnings(tmp_path):
