@@ -140,8 +140,8 @@ def label_anchors(points: Array, eye: Array, target: Array) -> list[Anchor]:
     placed = np.empty((0, 2))
     for point in on_screen:
         centres = point + sides * _NUMBER / 2
-        apart = (np.abs(centres[:, None] - placed) / _NUMBER).max(axis=-1)
-        best = int(np.argmax(apart.min(axis=1, initial=1.0)))
+        clearances = (np.abs(centres[:, None] - placed) / _NUMBER).max(axis=-1)
+        best = int(np.argmax(clearances.min(axis=1, initial=1.0)))
         anchors.append(_ANCHORS[best])
         placed = np.vstack([placed, centres[best]])
     return anchors

@@ -23,7 +23,8 @@ def box(point, anchor):
 
 
 def overlaps(one, other):
-    return one[0] < other[1] and other[0] < one[1] and one[2] < other[3] and other[2] < one[3]
+    """Return whether two boxes share more than their edges."""
+    return all(min(one[k + 1], other[k + 1]) - max(one[k], other[k]) > 1e-6 for k in (0, 2))
 
 
 def covered(points, anchors):
