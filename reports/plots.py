@@ -38,6 +38,7 @@ from reports.figures.response_data import between
 from reports.figures.svg import in_light
 from robotmodels import ElasticRobot, InvalidInput, Records, frequency_response
 from robotmodels.common.arrays import Array, ComplexArray, IntArray
+from robotmodels.common.errors import check_word
 
 _SHOWN = 6  # parameters of a corner plot
 
@@ -385,6 +386,5 @@ def _parameters(
         widest = np.sort(np.argsort(-uncertainty.std)[:_SHOWN])
         return [names[i] for i in widest], widest.tolist()
     for name in parameters:
-        if name not in names:
-            raise InvalidInput(f"parameters: {name} is not one of {', '.join(names)}")
+        check_word("parameters:", name, names)
     return [*parameters], [names.index(name) for name in parameters]

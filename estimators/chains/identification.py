@@ -24,7 +24,7 @@ from estimators.chains.structured_estimate import structured_cost, structured_es
 from estimators.chains.whitened_frf import Data, prepared, unfrictioned
 from estimators.frf.frf_estimate import FrfEstimate
 from robotmodels.common.arrays import Array, ComplexArray, is_count, real_numbers
-from robotmodels.common.errors import InvalidInput, NotIdentifiable, nearest
+from robotmodels.common.errors import InvalidInput, NotIdentifiable, check_word
 from robotmodels.linear.held_torques import held_torque_images
 from robotmodels.linear.response import check_omega
 
@@ -140,11 +140,7 @@ def chains_from_frf(
 def _identified(
     data: Data, n_masses: int | None, motors: Array | None, left_out: int, method: Method
 ) -> ChainIdentification:
-    if method not in get_args(Method):
-        raise InvalidInput(
-            f"method: {method!r} is not known{nearest(method, get_args(Method))}; "
-            f"{', '.join(get_args(Method))} are"
-        )
+    check_word("method:", method, get_args(Method))
     layout, order = _layout(data, n_masses)
     modes, excess = _modes(data, layout)
     inverse = inverse_estimate(modes, layout, motors, method == "stepwise")

@@ -26,7 +26,7 @@ from estimators.deflection.load_balance import moves, tells_weight
 from estimators.deflection.missing_terms import MissingTerm, missing_terms
 from estimators.trust.intervals import Interval, Verdict
 from robotmodels.common.arrays import Array
-from robotmodels.common.errors import InvalidInput
+from robotmodels.common.errors import InvalidInput, check_word
 from robotmodels.elastic.robot import ElasticRobot
 
 _HALF_WIDTH = 3**-0.5  # standard deviation of a uniform distribution of half-width 1
@@ -141,8 +141,7 @@ class DeflectionFit:
         InvalidInput
             If no such stiffness was fitted.
         """
-        if spring not in self.gears:
-            raise InvalidInput(f"{spring!r} was not fitted; there are {', '.join(self.gears)}")
+        check_word("spring", spring, self.gears, "was not fitted")
         axis, records = self.estimate.axes[self.gears.index(spring)], len(self.estimate.smooth)
         return tuple(deflection_history(self.estimate, self.at, axis, r) for r in range(records))
 
@@ -335,8 +334,7 @@ def _file_payload(
     InvalidInput
         If it is to be estimated and nothing tells it.
     """
-    if payload not in ("estimated", "robot file"):
-        raise InvalidInput(f"payload: {payload!r}; 'estimated' or 'robot file' is needed")
+    check_word("payload:", payload, ("estimated", "robot file"))
     file = robot.file.payload
     if file is None or payload == "robot file":
         return 0.0 if file is None else file.mass

@@ -17,10 +17,9 @@ from estimators.fitting.run_fit import RunFit
 from estimators.fitting.search import MINIMISERS, check_effort, search_or_reason
 from estimators.fitting.search_checkpoint import SearchStore, problem_fingerprint
 from estimators.fitting.trust_region import START_FAILED, STOPPED, Minimiser, SearchResult
-from estimators.frf.estimate_frf import check_choice
 from estimators.frf.frf_estimate import FrfEstimate
 from robotmodels.common.arrays import Array, IntArray, check_above_zero, check_count
-from robotmodels.common.errors import InvalidInput
+from robotmodels.common.errors import InvalidInput, check_word
 from robotmodels.common.progress import Progress
 from robotmodels.description.parameters import Parameters
 from robotmodels.linear.residuals import ResidualForm
@@ -151,7 +150,7 @@ def multistart(
         As `fit`; if there is no start; if the store holds searches of something else.
     """
     check_effort(max_evaluations, tolerance)
-    check_choice("minimiser", minimiser, tuple(MINIMISERS))
+    check_word("minimiser", minimiser, tuple(MINIMISERS))
     problem = fit_problem(model, estimate, residual, weights, bounds, positions, prior, loss)
     points = [problem.checked_start(np.asarray(start, dtype=float)) for start in starts]
     if not points:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from estimators.frf.frf_estimate import is_full, location, vec
 from robotmodels.common.arrays import Array, ComplexArray
-from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.errors import InvalidInput, check_word
 from robotmodels.linear.residuals import ResidualForm, residual_error, residual_form
 
 # Relative error of J/G, two complex products and a division of some epsilons each.
@@ -175,8 +175,7 @@ def check_loss(name: str) -> str:
     InvalidInput
         If there is none.
     """
-    if name not in LOSSES:
-        raise InvalidInput(f"loss {name!r} is none of {', '.join(LOSSES)}{nearest(name, LOSSES)}")
+    check_word("loss", name, LOSSES)
     return name
 
 

@@ -9,7 +9,7 @@ from estimators.fitting.anti_resonances import AGREE, agreed, dip_values, end_in
 from estimators.fitting.coarse_search import ParameterGroup, coarse_search
 from estimators.frf.frf_estimate import FrfEstimate
 from robotmodels.common.arrays import Array, check_above_zero, read_only
-from robotmodels.common.errors import IdentificationError, InvalidInput, nearest
+from robotmodels.common.errors import IdentificationError, InvalidInput, check_word, nearest
 from robotmodels.common.printing import ReprHtml
 from robotmodels.linear.response import Elastic
 from robotmodels.linear.spring_network import SpringNetwork
@@ -139,11 +139,7 @@ def named_start(name: str, model: Elastic, estimate: FrfEstimate) -> Array:
     NotIdentifiable
         As `chain_start_values`.
     """
-    if name not in STARTS:
-        raise InvalidInput(
-            f"start: {name!r} is neither parameter values nor one of {', '.join(STARTS)}"
-            f"{nearest(name, STARTS)}"
-        )
+    check_word("start:", name, STARTS, "is neither parameter values nor the name of a start")
     if name == "physics":
         return physics_start(model, estimate).values
     from estimators.chains.start_values_from_chains import chain_start_values

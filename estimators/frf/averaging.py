@@ -13,7 +13,7 @@ import numpy as np
 
 from estimators.frf.frf_estimate import vec
 from robotmodels.common.arrays import Array, ComplexArray
-from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.errors import check_word
 
 Method = Callable[[ComplexArray, ComplexArray, ComplexArray], ComplexArray]
 
@@ -71,10 +71,7 @@ def find_method(name: str) -> Method:
     InvalidInput
         If there is none.
     """
-    if name not in METHODS:
-        raise InvalidInput(
-            f"method {name!r} is none of {', '.join(METHODS)}{nearest(str(name), METHODS)}"
-        )
+    check_word("method", name, METHODS)
     return METHODS[name]
 
 

@@ -30,7 +30,7 @@ from estimators.frf.record_checks import (
 )
 from estimators.frf.spectra import Spectra, spectra
 from robotmodels.common.arrays import Array, ComplexArray, IntArray, whole_numbers
-from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.errors import InvalidInput, check_word
 from robotmodels.records.records import Records
 
 Transient = int | Literal["auto"]
@@ -84,8 +84,8 @@ def estimate_frf(
         their noise, and whatever else keeps the records from being used.
     """
     find_method(method)
-    check_choice("covariance", covariance, ("total", "noise"))
-    check_choice("structure", structure, ("full", "diagonal"))
+    check_word("covariance", covariance, ("total", "noise"))
+    check_word("structure", structure, ("full", "diagonal"))
 
     def estimated(part: Records, who: str) -> PositionFrf:
         measured = usable_spectra(
@@ -378,11 +378,3 @@ def _check_inputs(measured: Spectra, method: str, lines: Array, who: str) -> Non
         return
     for b, block in enumerate(averaged):
         check_condition(block, measured.omega, lines, f"{who}, block {b + 1}")
-
-
-def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
-    """Refuse a value that is none of `choices`."""
-    if value not in choices:
-        raise InvalidInput(
-            f"{name} {value!r} is none of {', '.join(choices)}{nearest(str(value), choices)}"
-        )

@@ -32,7 +32,7 @@ from estimators.frf.frf_estimate import FrfEstimate
 from robotmodels.common.arrays import Array
 from robotmodels.common.atomic_files import atomic_write
 from robotmodels.common.deprecation import renamed_keywords
-from robotmodels.common.errors import InvalidInput
+from robotmodels.common.errors import InvalidInput, check_word
 from robotmodels.data_files.array_schema import ArraySchema, Field
 from robotmodels.data_files.hdf5_file import read_hdf5
 from robotmodels.data_files.matlab_file import read_mat
@@ -159,8 +159,7 @@ def read_distortion(path: PathLike) -> Distortion:
 def _kind(path: PathLike, endings: Mapping[str, Any]) -> str:
     suffix = Path(path).suffix.lower()
     suffix = {".hdf5": ".h5", ".unv": ".uff"}.get(suffix, suffix)
-    if suffix not in endings:
-        raise InvalidInput(f"{path}: ending {suffix!r} is none of {', '.join(endings)}")
+    check_word(f"{path}: ending", suffix, endings)
     return suffix
 
 

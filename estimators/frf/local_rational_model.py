@@ -15,7 +15,6 @@ from estimators.frf.block_checks import check_excited, check_samples
 from estimators.frf.estimate_frf import (
     PositionFrf,
     Transient,
-    check_choice,
     first_period,
     lines_of,
     over_positions,
@@ -26,7 +25,7 @@ from estimators.frf.input_rank import input_noise, input_rank, side_by_side
 from estimators.frf.record_checks import check_periods
 from estimators.frf.spectra import Spectra, spectra
 from robotmodels.common.arrays import Array, ComplexArray, IntArray, check_count
-from robotmodels.common.errors import InvalidInput
+from robotmodels.common.errors import InvalidInput, check_word
 from robotmodels.records.records import Records
 
 _AROUND = 6
@@ -79,7 +78,7 @@ def local_frf(
     InvalidInput
         If the window has too few equations, or they do not determine the FRF.
     """
-    check_choice("structure", structure, ("full", "diagonal"))
+    check_word("structure", structure, ("full", "diagonal"))
     check_count(order, "order", 0)
     check_count(denominator, "denominator", 0)
 

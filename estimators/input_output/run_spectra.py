@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from estimators.frf.block_checks import check_excited
-from estimators.frf.estimate_frf import Transient, check_choice, each_position, first_period
+from estimators.frf.estimate_frf import Transient, each_position, first_period
 from estimators.frf.record_checks import check_periods
 from estimators.frf.spectra import Spectra, spectra
 from estimators.input_output.coulomb import CoulombSpectra
@@ -24,11 +24,12 @@ from robotmodels.common.arrays import (
     check_kind,
     chosen_positions,
     complex_numbers,
+    one_or_each,
     read_only,
     real_numbers,
     whole_numbers,
 )
-from robotmodels.common.errors import IdentificationWarning, InvalidInput
+from robotmodels.common.errors import IdentificationWarning, InvalidInput, check_word
 from robotmodels.common.printing import ReprHtml
 from robotmodels.linear.held_torques import held_torque_images
 from robotmodels.linear.linear_model import Channels
@@ -299,9 +300,9 @@ def run_spectra(
         If the records cannot show the noise in this way, or runs are missing.
     """
     check_kind(records, Records, "run_spectra: records")
-    check_choice("states", states, STATES)
+    check_word("states", states, STATES)
     if isinstance(noise, str):
-        check_choice("noise", noise, ("auto", *NOISES))
+        check_word("noise", noise, ("auto", *NOISES))
     read: Callable[..., Spectra] = partial(spectra, hold=hold, delay=delay)
 
     def reader(part: Records) -> Callable[..., Spectra]:
@@ -425,12 +426,10 @@ def _check_alive(records: Records, who: str) -> None:
 
 def _freedom(stated: ArrayLike, positions: int, name: str = "degrees_of_freedom") -> Array:
     """Return degrees of freedom of each position, (Q,)."""
-    freedom = real_numbers(stated, name)
-    if freedom.shape not in ((), (positions,)):
-        raise InvalidInput(f"{name}: shape {freedom.shape}; () or ({positions},) is needed")
+    freedom = one_or_each(stated, positions, name, "positions")
     if not (freedom >= FEWEST).all():
         raise InvalidInput(f"{name}: {np.nanmin(freedom):g}; {FEWEST} at least are needed")
-    return np.broadcast_to(freedom, (positions,)).copy()
+    return freedom
 
 
 def _check_arrays(arrays: dict[str, NDArray[Any]], shapes: dict[str, tuple[int, ...]]) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotmodels.common.arrays import Array, check_above_zero
-from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.errors import check_word
 
 NOISES = ("known", "unknown")
 
@@ -32,10 +32,7 @@ class Noise:
     scale: float = 1.0
 
     def __post_init__(self) -> None:
-        if self.kind not in NOISES:
-            raise InvalidInput(
-                f"noise: {self.kind!r} is none of {', '.join(NOISES)}{nearest(self.kind, NOISES)}"
-            )
+        check_word("noise:", self.kind, NOISES)
         check_above_zero(self.scale, "scale")
 
     def of_cost(self, cost: Array, data: int) -> Array:

@@ -11,7 +11,7 @@ from estimators.trust.line_scatter import line_scatter
 from estimators.trust.linearised_fit import sandwich
 from estimators.trust.residual_size import residual_size
 from robotmodels.common.arrays import Array, check_kind, check_level, read_only
-from robotmodels.common.errors import InvalidInput, SolverFailed, nearest
+from robotmodels.common.errors import InvalidInput, SolverFailed, check_word
 from robotmodels.common.printing import ReprHtml
 from robotmodels.common.symmetric_matrices import scaled_eigh, unit_diagonal_scaling
 
@@ -170,11 +170,7 @@ def _doubts(fit: FittedModel) -> str:
 
 
 def _check_method(method: str, lags: int | None) -> None:
-    if method not in METHODS:
-        raise InvalidInput(
-            f"covariance: method {method!r} is none of {', '.join(METHODS)}"
-            f"{nearest(method, METHODS)}"
-        )
+    check_word("covariance: method", method, METHODS)
     if lags is not None and method != "empirical":
         raise InvalidInput(f"covariance: lags = {lags} are used by 'empirical', not {method!r}")
 

@@ -8,7 +8,7 @@ import numpy as np
 from estimators.uncertainty.covariance import Uncertainty
 from estimators.uncertainty.identifiability import bounded_inverse, checked_information
 from robotmodels.common.arrays import IMPROBABLE, Array, IntArray, read_only
-from robotmodels.common.errors import InvalidInput, NotIdentifiable
+from robotmodels.common.errors import InvalidInput, NotIdentifiable, check_word
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,9 +61,8 @@ def best_additions(
         raise InvalidInput(
             f"candidates: shape {more.shape} given; (C, {len(names)}, {len(names)}) is needed"
         )
-    unknown = [name for name in parameters or () if name not in names]
-    if unknown:
-        raise InvalidInput(f"parameters: {unknown[0]!r} is none of {', '.join(names)}")
+    for name in parameters or ():
+        check_word("parameters:", name, names)
     after = bounded_inverse(matrix + more)
     std = np.sqrt(np.diagonal(after, axis1=-2, axis2=-1))
     if parameters is None:

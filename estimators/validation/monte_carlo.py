@@ -14,7 +14,7 @@ from estimators.uncertainty.covariance import Uncertainty
 from estimators.validation.simulated_experiment import INTERVAL_METHODS, Experiment, RunSettings
 from robotmodels.common.arrays import Array, BoolArray, IntArray, check_level, read_only
 from robotmodels.common.checkpoint_file import CheckpointFile
-from robotmodels.common.errors import IdentificationError, InvalidInput, SolverFailed, nearest
+from robotmodels.common.errors import IdentificationError, InvalidInput, SolverFailed, check_word
 from robotmodels.common.fingerprints import fingerprint
 from robotmodels.common.printing import ReprHtml
 from robotmodels.common.progress import Progress
@@ -161,11 +161,7 @@ class MonteCarlo(ReprHtml):
         return np.asarray(self.coverage(method) >= self.band()[0])
 
     def _index(self, method: str) -> int:
-        if method not in self.methods:
-            raise InvalidInput(
-                f"Monte Carlo: {method!r} is none of the methods {', '.join(self.methods)}"
-                f"{nearest(method, self.methods)}"
-            )
+        check_word("Monte Carlo: method", method, self.methods)
         return self.methods.index(method)
 
     def __str__(self) -> str:
@@ -298,11 +294,7 @@ def _check(runs: int, methods: Sequence[str], level: float) -> None:
     if runs < 2:
         raise InvalidInput(f"runs: {runs}; at least 2 are needed")
     for method in methods:
-        if method not in INTERVAL_METHODS:
-            raise InvalidInput(
-                f"methods: {method!r} is none of {', '.join(INTERVAL_METHODS)}"
-                f"{nearest(method, INTERVAL_METHODS)}"
-            )
+        check_word("methods:", method, INTERVAL_METHODS)
     check_level(level, "monte_carlo")
 
 

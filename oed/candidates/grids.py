@@ -6,7 +6,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from robotmodels.common.arrays import Array, BoolArray, cartesian_grid, check_count, equal_rows
-from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.errors import InvalidInput, check_word
 
 # The first joint often turns about the vertical and then changes nothing; the next two carry
 # the arm, so that they get a finer grid than the wrist.
@@ -244,8 +244,4 @@ def _pair(joint: str, pair: Sequence[float] | Array) -> Array:
 
 def _check_names(argument: str, by_joint: Mapping[str, object], joints: list[str]) -> None:
     for name in by_joint:
-        if name not in joints:
-            raise InvalidInput(
-                f"{argument}: {name!r} is not a driven joint{nearest(name, joints)}; "
-                f"there are {', '.join(joints)}"
-            )
+        check_word(f"{argument}:", name, joints, "is not a driven joint")

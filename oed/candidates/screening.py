@@ -8,7 +8,14 @@ import numpy as np
 
 from oed.candidates.grids import repeated_positions
 from robotmodels.collision.surroundings import Surroundings
-from robotmodels.common.arrays import Array, BoolArray, IntArray, read_only, real_numbers
+from robotmodels.common.arrays import (
+    Array,
+    BoolArray,
+    IntArray,
+    one_or_each,
+    read_only,
+    real_numbers,
+)
 from robotmodels.common.deprecation import renamed_attributes
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.printing import ReprHtml
@@ -264,12 +271,7 @@ def _checked(positions: Array, motors: list[str]) -> Array:
 
 
 def _torque_limits(torque_limits: float | Sequence[float] | Array, motors: Sequence[str]) -> Array:
-    limits = real_numbers(torque_limits, "torque_limits")
-    if limits.shape not in ((), (len(motors),)):
-        raise InvalidInput(
-            f"torque_limits: shape {limits.shape}; one number or ({len(motors)},) is needed"
-        )
-    limits = np.broadcast_to(limits, (len(motors),))
+    limits = one_or_each(torque_limits, len(motors), "torque_limits")
     for motor, limit in zip(motors, limits, strict=True):
         if not limit > 0:
             raise InvalidInput(

@@ -35,7 +35,7 @@ from pydantic import Field, model_validator
 
 from oed.experiment.experiment_file import MultisineSettings
 from oed.experiment.loop_settings import NonNegativeEach, PositiveEach, per_motor
-from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.errors import check_word
 from robotmodels.common.file_paths import output_folder
 from robotmodels.common.yaml_files import FileSection, read_yaml
 from robotmodels.description.ranges import Coordinate, Positive, Seed
@@ -132,11 +132,7 @@ def study_chains(choice: ChainsChoice) -> CoupledChains:
     }
     couplings = np.zeros((count, count))
     for name, value in choice.couplings.items():
-        if name not in pairs:
-            raise InvalidInput(
-                f"chains.couplings: {name!r} does not name two last masses"
-                f"{nearest(name, pairs)}; {', '.join(pairs) or 'none'} can be coupled"
-            )
+        check_word("chains.couplings:", name, pairs, "does not name two last masses")
         couplings[pairs[name]] = couplings[pairs[name][::-1]] = value
     dampers = None if choice.dampers is None else np.array(choice.dampers)
     return CoupledChains(masses, np.array(choice.springs), couplings, dampers)

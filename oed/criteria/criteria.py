@@ -14,7 +14,7 @@ import numpy as np
 from oed.criteria.matrix_means import Kind, MatrixMean
 from oed.criteria.objective import Objective, Term
 from robotmodels.common.arrays import Array, real_numbers
-from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.errors import InvalidInput, check_word, nearest
 from robotmodels.common.symmetric_matrices import ROUNDING, unit_diagonal_scaling
 
 
@@ -105,10 +105,7 @@ class DsCriterion:
                 f"criterion {self.name}: interest {interest!r}; distinct names needed"
             )
         for name in interest:
-            if name not in names:
-                raise InvalidInput(
-                    f"criterion {self.name}: parameter {name!r} is not known{nearest(name, names)}"
-                )
+            check_word(f"criterion {self.name}: parameter", name, names)
         return np.asarray(np.eye(len(names))[:, [list(names).index(name) for name in interest]])
 
 

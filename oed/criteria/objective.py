@@ -23,6 +23,9 @@ from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.deprecation import renamed_attributes
 
 # (p, p), (K, p, p), or one matrix for each of K samples of theta.
+KINDS = ("average", "maximin")
+"""How samples of theta count: on average, or at worst."""
+
 Information = Array | Sequence[Array]
 
 

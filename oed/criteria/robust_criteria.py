@@ -6,10 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from oed.criteria.criteria import Criterion, averaged, checked_shares, objective_of
-from oed.criteria.objective import Objective, Term
-from oed.criteria.robustness import check_robustness
+from oed.criteria.objective import KINDS, Objective, Term
 from robotmodels.common.arrays import real_numbers
-from robotmodels.common.errors import InvalidInput
+from robotmodels.common.errors import InvalidInput, check_word
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +126,7 @@ def robust_objective(
     InvalidInput
         If the kind is unknown or the criterion does not fit.
     """
-    check_robustness(kind)
+    check_word("kind", kind, KINDS)
     if kind == "average" or samples == 1:
         return objective_of(criterion, names, samples)
     worst = MaximinCriterion(criterion).objective(names, samples)

@@ -7,10 +7,9 @@ from fnmatch import fnmatchcase
 import numpy as np
 
 from oed.criteria.matrix_means import MatrixMean
-from oed.criteria.objective import Objective, Term
-from oed.criteria.robustness import check_robustness
+from oed.criteria.objective import KINDS, Objective, Term
 from robotmodels.common.arrays import Array, check_above_zero
-from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.errors import InvalidInput, check_word, nearest
 
 
 def by_name_or_kind(values: float | Mapping[str, float], names: Sequence[str], what: str) -> Array:
@@ -79,7 +78,7 @@ class TargetCriterion:
         InvalidInput
             If a target is not positive or fits no parameter, there is none, or the kind is unknown.
         """
-        check_robustness(self.kind)
+        check_word("kind", self.kind, KINDS)
         targets = by_name_or_kind(self.deviations, names, "targets")
         if np.isnan(targets).all():
             raise InvalidInput("targets: none given; at least one is needed")

@@ -12,7 +12,7 @@ Where a single mean is maximised, it stands itself for its logarithm, which the 
 """
 
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,7 +22,7 @@ from oed.criteria.matrix_means import MatrixMean
 from oed.criteria.objective import Objective, Term
 from oed.design.problem import ScaledProblem, SolverAnswer
 from robotmodels.common.arrays import Array
-from robotmodels.common.errors import InvalidInput, SolverFailed, nearest
+from robotmodels.common.errors import SolverFailed, check_word
 
 # Larger determinants are split into smaller ones: cvxpy states one of p rows by a cone of 2p. SCS
 # takes more iterations with more cones.
@@ -223,14 +223,6 @@ class Cvxpy:
                 )
             reasons.append(f"{name.upper()}: {reason}")
         raise SolverFailed("; ".join(reasons))
-
-
-def check_word(what: str, word: str, words: Iterable[str]) -> None:
-    """Raise `InvalidInput` naming `what` unless `word` is one of `words`."""
-    if word not in words:
-        raise InvalidInput(
-            f"{what} {word!r} is not known{nearest(word, words)}; there are {', '.join(words)}"
-        )
 
 
 def _solved(cp: Any, statement: Any, name: str, options: dict[str, Any]) -> str | None:

@@ -19,6 +19,7 @@ from robotmodels.common.arrays import (
     ComplexArray,
     IntArray,
     check_above_zero,
+    one_or_each,
     read_only,
     real_numbers,
 )
@@ -233,15 +234,10 @@ def _check_estimated(robot: Elastic) -> None:
 
 def _limits(values: ArrayLike, motors: int, what: str) -> Array:
     """Return a positive limit of each motor, (n,), which may be infinite for motions."""
-    limits = real_numbers(values, what)
-    if limits.shape not in ((), (motors,)):
-        raise InvalidInput(
-            f"{what}: shape {limits.shape}; one number, or one for each of {motors} motors, is "
-            "needed"
-        )
+    limits = one_or_each(values, motors, what)
     if not (limits > 0).all() or (what == "torque" and not np.isfinite(limits).all()):
-        raise InvalidInput(f"{what}: {limits.tolist()}; positive numbers are needed")
-    return np.array(np.broadcast_to(limits, (motors,)))
+        raise InvalidInput(f"{what}: {np.asarray(values).tolist()}; positive numbers are needed")
+    return limits
 
 
 def _result(

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 
 from oed.criteria.criteria import Criterion, objective_of
+from oed.criteria.objective import KINDS
 from oed.criteria.robust_criteria import AverageCriterion, MaximinCriterion
-from oed.criteria.robustness import check_robustness
 from oed.design.design import Design
 from oed.design.optimal_design import optimal_design
 from oed.information_sets.candidates import Candidates, InformationSamples
 from robotmodels.common.arrays import Array, read_only
-from robotmodels.common.errors import InvalidInput
+from robotmodels.common.errors import InvalidInput, check_word
 from robotmodels.common.printing import ReprHtml
 
 
@@ -79,7 +79,7 @@ def robust_design(
     InvalidInput
         If `kind` is unknown, or samples do not fit; and what `optimal_design` raises.
     """
-    check_robustness(kind)
+    check_word("kind", kind, KINDS)
     if kind == "maximin" and shares is not None:
         raise InvalidInput('shares: they weigh an average; kind "maximin" has none')
     if not isinstance(samples, InformationSamples):

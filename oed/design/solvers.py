@@ -6,10 +6,10 @@ import numpy as np
 
 from oed.criteria.objective import Objective
 from oed.design.coordinates import semidefinite
-from oed.design.cvxpy_solver import Cvxpy, check_word
+from oed.design.cvxpy_solver import Cvxpy
 from oed.design.interior_point import Newton
 from oed.design.problem import DesignSolver, ScaledProblem, SolverAnswer
-from robotmodels.common.errors import InvalidInput, SolverFailed
+from robotmodels.common.errors import InvalidInput, SolverFailed, check_word
 
 
 def design_solvers(

@@ -14,7 +14,7 @@ from oed.exact.plan_score import standard_deviations
 from oed.information_sets.candidates import Candidates, check_candidates
 from robotmodels.common.arrays import Array, IntArray, check_above_zero, read_only
 from robotmodels.common.deprecation import renamed_keywords
-from robotmodels.common.errors import InvalidInput, NotIdentifiable, nearest
+from robotmodels.common.errors import InvalidInput, NotIdentifiable, check_word
 from robotmodels.common.printing import ReprHtml
 from robotmodels.common.progress import Progress
 
@@ -318,8 +318,7 @@ def _parameter_indices(names: tuple[str, ...], parameters: Sequence[str] | None)
     if parameters is None:
         return list(range(len(names)))
     for name in parameters:
-        if name not in names:
-            raise InvalidInput(f"parameters: {name!r} is not known{nearest(name, names)}")
+        check_word("parameters:", name, names)
     if not parameters:
         raise InvalidInput("parameters: none given; at least one is needed")
     return [names.index(name) for name in parameters]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robotmodels.common.arrays import Array, check_above_zero, read_only
+from robotmodels.common.arrays import Array, check_above_zero, one_or_each, read_only
 from robotmodels.common.errors import InvalidInput
 
 # Largest slope and curvature of the quintic 10 t^3 - 15 t^4 + 6 t^5 on [0, 1].
@@ -56,10 +56,7 @@ class MoveLimits:
                 )
         object.__setattr__(self, "positions", read_only(positions))
         for key in ("speed", "acceleration"):
-            limit = np.asarray(getattr(self, key), dtype=float)
-            if limit.shape not in ((), (n,)):
-                raise InvalidInput(f"{key} of moves: shape {limit.shape}; ({n},) is needed")
-            values = np.array(np.broadcast_to(limit, (n,)))
+            values = one_or_each(getattr(self, key), n, f"{key} of moves")
             for name, value in zip(motors, values, strict=True):
                 check_above_zero(value, f"motor {name!r}: {key} of moves")
             object.__setattr__(self, key, read_only(values))

@@ -20,7 +20,7 @@ from robotmodels.common.arrays import (
     check_count,
     read_only,
 )
-from robotmodels.common.errors import InvalidInput
+from robotmodels.common.errors import InvalidInput, check_word
 
 Spacing = Literal["linear", "quasi_log"]
 
@@ -245,8 +245,7 @@ def _band_lines(grid: Multisine, band: tuple[float, float], odd: bool) -> IntArr
 
 def _spread(lines: IntArray, count: int | None, spacing: Spacing) -> IntArray:
     """Return `count` of the lines, evenly or logarithmically spaced."""
-    if spacing not in ("linear", "quasi_log"):
-        raise InvalidInput(f"spacing: {spacing!r} is not known; take 'linear' or 'quasi_log'")
+    check_word("spacing:", spacing, ("linear", "quasi_log"))
     if count is None:
         if spacing == "quasi_log":
             raise InvalidInput("count: quasi-logarithmic spacing needs a number of lines")

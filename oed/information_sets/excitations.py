@@ -19,7 +19,7 @@ from robotmodels.common.arrays import (
     complex_numbers,
     read_only,
 )
-from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.errors import InvalidInput, check_word
 
 
 @runtime_checkable
@@ -242,12 +242,7 @@ def checked_excitations(
         if one == _SINGLE:
             families.extend(SingleMotor(motor) for motor in range(motors))
         elif isinstance(one, str):
-            names = [*_FAMILIES, _SINGLE]
-            if one not in names:
-                raise InvalidInput(
-                    f"excitations: {one!r} is not known{nearest(one, names)}; there are "
-                    f"{', '.join(names)}"
-                )
+            check_word("excitations:", one, [*_FAMILIES, _SINGLE])
             families.append(_FAMILIES[one])
         elif isinstance(one, Excitation):
             families.append(one)

@@ -19,8 +19,8 @@ from robotmodels.common.arrays import (
     check_above_zero,
     check_count,
     check_memory,
+    one_or_each,
     read_only,
-    real_numbers,
 )
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.printing import ReprHtml
@@ -240,15 +240,10 @@ def experiment_candidates(
 
 def _levels(torque: ArrayLike, motors: int) -> Array:
     """Return the torque of each motor, (n,)."""
-    levels = real_numbers(torque, "torque")
-    if levels.shape not in ((), (motors,)):
-        raise InvalidInput(
-            f"torque: shape {levels.shape}; one number, or one for each of {motors} motors, is "
-            "needed"
-        )
-    for level in np.atleast_1d(levels).tolist():
+    levels = one_or_each(torque, motors, "torque")
+    for level in levels.tolist():
         check_above_zero(level, "torque [N m]")
-    return np.broadcast_to(levels, (motors,))
+    return levels
 
 
 @dataclass(frozen=True, eq=False)

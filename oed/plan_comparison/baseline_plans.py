@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from robotmodels.common.arrays import Array, IntArray, cartesian_grid
-from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.errors import InvalidInput, check_word
 
 
 def random_plan(n_candidates: int, n_experiments: int, rng: np.random.Generator) -> IntArray:
@@ -103,11 +103,7 @@ def grid_levels(
         As `grid_plan`; where the number of experiments is None, any number will do.
     """
     for joint, count in per_joint.items():
-        if joint not in joints:
-            raise InvalidInput(
-                f"grid: {joint!r} is not a driven joint{nearest(joint, joints)}; "
-                f"there are {', '.join(joints)}"
-            )
+        check_word("grid:", joint, joints, "is not a driven joint")
         if count < 1:
             raise InvalidInput(f"grid: {count} points of {joint!r}; at least 1 is needed")
     counts = [per_joint.get(joint, 1) for joint in joints]

@@ -11,7 +11,7 @@ from oed.study.settings.study_file import Study
 from oed.study.stages.candidates import candidates
 from oed.study.stages.design_inputs import criterion_of
 from oed.study.stages.run import SimulatedRun, open_run
-from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.errors import InvalidInput, check_word
 from robotmodels.common.progress import StageProgress
 
 
@@ -44,10 +44,6 @@ def choose_sensors(
         criterion = criterion_of(study.design, run.robot)
         base, added = sensor_information(run.robot, positions, run.omega, run.noise)
     for name in prices:
-        if name not in added:
-            raise InvalidInput(
-                f"price of {name!r}: no output of the robot beside motors' encoders"
-                f"{nearest(name, added)}; there are {', '.join(added)}"
-            )
+        check_word("price of", name, added, "is no output of the robot beside motors' encoders")
     sensors = {name: Sensor(info, prices.get(name, 1.0)) for name, info in added.items()}
     return optimal_sensors(base, sensors, budget, criterion)

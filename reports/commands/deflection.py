@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import typer
 
 from reports.commands.options import AsJson, robot_names, say
-from robotmodels.common.errors import InvalidInput
+from robotmodels.common.errors import check_word
 
 Movements = Annotated[
     Path, typer.Argument(help="Movements (HDF5, schema movements/1), such as `oed import` writes.")
@@ -57,8 +57,7 @@ def deflection(
         "torques": "estimated",
         "robot-file": "robot file",
     }
-    if payload not in sources:
-        raise InvalidInput(f"--payload: {payload!r}; {' or '.join(sources)} is needed")
+    check_word("--payload:", payload, sources)
     model = load_robot(robot)
     fit = fit_deflection(
         model,

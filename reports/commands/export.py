@@ -10,7 +10,7 @@ import typer
 from reports.commands.options import WORKERS, AsJson, Workers, robot_names, say
 from reports.commands.studies import compute_study, end_with_failures
 from reports.commands.workers import one_thread_each
-from robotmodels.common.errors import IdentificationError, InvalidInput, nearest
+from robotmodels.common.errors import IdentificationError, InvalidInput, check_word
 from robotmodels.exports.formats import ENDINGS, Format
 
 if TYPE_CHECKING:
@@ -102,9 +102,7 @@ def export(
 
 def _check_options(to: str, draws: int, table_only: bool) -> None:
     """Refuse options before a study is computed."""
-    if to not in FORMATS:
-        there = f"there are {', '.join(FORMATS)}"
-        raise InvalidInput(f"--to: {to!r} is unknown{nearest(to, FORMATS)}; {there}")
+    check_word("--to:", to, FORMATS)
     if table_only and not draws:
         raise InvalidInput("--table-only: there is no table without draws, such as --draws 20")
 

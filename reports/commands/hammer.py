@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from reports.commands.options import AsJson, robot_names, say
-from reports.commands.predict import one_of, read_frame
+from reports.commands.predict import read_frame
 from reports.commands.workers import one_thread_each
-from robotmodels.common.errors import InvalidInput
+from robotmodels.common.errors import InvalidInput, check_word
 
 if TYPE_CHECKING:
     from estimators import Fit, Prior
@@ -63,7 +63,7 @@ def hammer(
     Example: oed hammer identified.yaml hits.h5 --link tool0 --at 0,0,0.1 --direction 0,0,1
     """
     frame = read_frame(link or "", at, axes)  # refused before anything is read
-    one_of("--motors", motors, ("clamped", "free"))
+    check_word("--motors:", motors, ("clamped", "free"))
     one_thread_each()
     from estimators import covariance
     from robotmodels import load_robot, save_robot

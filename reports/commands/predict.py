@@ -7,7 +7,7 @@ import typer
 
 from reports.commands.identified import Answer, Map, Output, Position, Seed, Source, read_source
 from reports.commands.options import WORKERS, AsJson, Workers
-from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.errors import InvalidInput, check_word
 
 if TYPE_CHECKING:
     from robotmodels import Frame
@@ -60,11 +60,7 @@ def predict(
 
     Example: oed predict studies/ur10.yaml --at 0,0,0.1 --frequencies 2,80 --map 200
     """
-    words: dict[str, Any] = {
-        "motion": one_of("--motion", motion, ("displacement", "velocity", "acceleration")),
-        "motors": one_of("--motors", motors, ("clamped", "free")),
-        "modes": modes,
-    }
+    words: dict[str, Any] = {"modes": modes, **_checked(motion, motors)}
     frame = read_frame(link or "", at, axes)  # refused before a study is computed
     omega = None if frequencies is None else read_frequencies(frequencies)
     model = read_source(source, position, spread, workers)
@@ -101,13 +97,11 @@ def predict(
     model.answer(answer, output, as_json)
 
 
-def one_of(option: str, word: str, words: tuple[str, ...]) -> str:
-    """Return a word of an option; refuse one that is none of `words`."""
-    if word not in words:
-        raise InvalidInput(
-            f"{option}: {word!r} is unknown{nearest(word, words)}; there are {', '.join(words)}"
-        )
-    return word
+def _checked(motion: str, motors: str) -> dict[str, str]:
+    """Return what moves and whether motors are free, refused before a study is computed."""
+    check_word("--motion:", motion, ("displacement", "velocity", "acceleration"))
+    check_word("--motors:", motors, ("clamped", "free"))
+    return {"motion": motion, "motors": motors}
 
 
 def read_frame(link: str, at: str, axes: str) -> "Frame":
@@ -118,10 +112,9 @@ def read_frame(link: str, at: str, axes: str) -> "Frame":
     point = read_numbers("--at", at, "0,0,0.1")
     if len(point) != 3:
         raise InvalidInput(f"--at: {len(point)} given, 3 needed: x,y,z in the link's frame [m]")
+    check_word("--axes:", axes, ("base", "link"))
     x, y, z = point
-    return Frame(
-        link, (x, y, z), "link" if one_of("--axes", axes, ("base", "link")) == "link" else "base"
-    )
+    return Frame(link, (x, y, z), "link" if axes == "link" else "base")
 
 
 def read_frequencies(words: str) -> "Array":

@@ -5,7 +5,7 @@ import re
 from types import ModuleType
 from typing import Any
 
-from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.errors import check_word
 from robotmodels.common.yaml_files import FileSection
 
 KINDS = (
@@ -87,8 +87,7 @@ def json_schema(kind: str) -> dict[str, Any]:
             | key_words(chain_study),
         ),
     }
-    if kind not in kinds:
-        raise InvalidInput(f"{kind!r} is not a kind of file{nearest(kind, KINDS)}")
+    check_word("kind of file", kind, KINDS)
     model, words = kinds[kind]
     schema: dict[str, Any] = model.model_json_schema(by_alias=True)
     _describe(schema, schema.get("$defs", {}), words, ())

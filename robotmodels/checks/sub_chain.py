@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 from robotmodels.checks.proposed_drives import UrdfJoint
-from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.errors import InvalidInput, check_word
 from robotmodels.description.urdf_check import free_joints
 
 
@@ -46,10 +46,10 @@ def locked_joints(
         for j in checked.findall("joint")
     }
     for option, link in (("--base", chain.base), ("--tip", chain.tip)):
-        if link is not None and link not in links:
-            raise InvalidInput(f"{option}: {link!r} is not a link{nearest(link, links)}")
-    for name in chain.lock.keys() - names:
-        raise InvalidInput(f"--lock: {name!r} is not a moving joint{nearest(name, names)}")
+        if link is not None:
+            check_word(f"{option}:", link, links, "is not a link")
+    for name in chain.lock:
+        check_word("--lock:", name, names, "is not a moving joint")
     beyond = set(names)
     if chain.base is not None:
         beyond = {

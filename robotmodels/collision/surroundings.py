@@ -18,7 +18,7 @@ from robotmodels.collision.obstacles import Box, Obstacle, Plane, floor as floor
 from robotmodels.collision.pair_checker import PairChecker
 from robotmodels.collision.shapes import RobotShapes, Shape, robot_shapes
 from robotmodels.common.arrays import Array, BoolArray, check_above_zero
-from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.errors import InvalidInput, check_word
 from robotmodels.common.progress import Progress
 from robotmodels.elastic.rigid_pose import configurations
 from robotmodels.elastic.robot import ElasticRobot
@@ -82,11 +82,7 @@ class Surroundings:
     def __post_init__(self) -> None:
         links = list(dict.fromkeys(shape.link for shape in self.shapes.shapes))
         for link in (link for pair in self.ignored for link in pair):
-            if link not in links:
-                raise InvalidInput(
-                    f"ignored: {link!r} is not a link with a collision shape"
-                    f"{nearest(link, links)}; there are {', '.join(links)}"
-                )
+            check_word("ignored:", link, links, "is not a link with a collision shape")
         check_above_zero(self.margin, "margin [m]", zero=True)
         names = [obstacle.name for obstacle in self.obstacles]
         for name in names:

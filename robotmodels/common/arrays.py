@@ -127,6 +127,22 @@ def whole_numbers(values: ArrayLike, what: str) -> IntArray:
     return reals.astype(np.int64)
 
 
+def one_or_each(values: ArrayLike, count: int, what: str, of: str = "motors") -> Array:
+    """Return one number for each of `count` things, (count,), where there is one for all or each.
+
+    Raises
+    ------
+    InvalidInput
+        If there are as many as neither, or one is no real number; it starts with `what`.
+    """
+    array = real_numbers(values, what)
+    if array.shape not in ((), (count,)):
+        raise InvalidInput(
+            f"{what}: shape {array.shape}; one number, or one for each of {count} {of}, is needed"
+        )
+    return np.array(np.broadcast_to(array, (count,)))
+
+
 def is_count(value: object, least: int = 1) -> TypeGuard[int]:
     """Tell whether a number of things is whole, and at least `least`; True is no number."""
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)

@@ -1,6 +1,6 @@
 """Errors that say what is wrong, where, and what would be right."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
 
@@ -68,6 +68,13 @@ def naming(what: object) -> Iterator[None]:
         yield
     except InvalidInput as error:
         raise InvalidInput(f"{what}: {error}") from error
+
+
+def check_word(what: str, word: object, words: Collection[str], wrong: str = "is unknown") -> None:
+    """Refuse a word that is none of `words`, naming `what` it was given for and those there are."""
+    if word not in words:
+        name, there = str(word)[:60], ", ".join(words) or "none"
+        raise InvalidInput(f"{what} {name!r} {wrong}{nearest(name, words)}; there are {there}")
 
 
 def nearest(word: str, words: Iterable[str]) -> str:

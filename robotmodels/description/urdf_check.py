@@ -11,7 +11,7 @@ from pathlib import Path
 
 from scipy.spatial.transform import Rotation
 
-from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.errors import InvalidInput, check_word
 from robotmodels.common.printing import unprintable
 from robotmodels.description.joint_drives import add_drive, add_mimic, couplings, gear_ratios
 from robotmodels.description.model_files import ModelSource, path_of, read_model
@@ -132,8 +132,7 @@ def _end(joint: ET.Element, end: str, links: list[str]) -> str:
     if element is None:
         raise InvalidInput(f"{who} has no <{end}>")
     link = str(element.get("link"))
-    if link not in links:
-        raise InvalidInput(f"{who}: its {end} {link!r} is not a link{nearest(link, links)}")
+    check_word(f"{who}: its {end}", link, links, "is not a link")
     return link
 
 

@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.errors import InvalidInput, check_word
 from robotmodels.common.extras import install
 from robotmodels.common.printing import printable
 
@@ -67,11 +67,7 @@ def _check_arguments(path: Path, files: set[Path], arguments: dict[str, str]) ->
     """Refuse arguments that neither the file nor one it includes declares; xacro takes any."""
     declared = sorted({name for text in _texts(files) for name in _ARGUMENT.findall(text)})
     for name in arguments:
-        if name not in declared:
-            raise InvalidInput(
-                f"{path}: {name!r} is not an argument of its macros{nearest(name, declared)}; "
-                f"there are {', '.join(declared) or 'none'}"
-            )
+        check_word(f"{path}:", name, declared, "is not an argument of its macros")
 
 
 _ARGUMENT = re.compile(r"""<xacro:arg\b[^>]*\bname\s*=\s*["']([^"']+)["'][^>]*""")

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from robotmodels.common.arrays import Array, IntArray, real_numbers
-from robotmodels.common.errors import InvalidInput
+from robotmodels.common.errors import InvalidInput, check_word
 from robotmodels.description.parameters import Parameters
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.elastic.segments import link_frame
@@ -58,8 +58,7 @@ class HammerTest:
             )
         link_frame(self.model.rigid, self.frame.link, "hammer test: frame")
         object.__setattr__(self, "directions", directions / length)
-        if self.motors not in ("clamped", "free"):
-            raise InvalidInput(f"hammer test: motors {self.motors!r}; clamped or free is needed")
+        check_word("hammer test: motors", self.motors, ("clamped", "free"))
         if not self._sensors.size:
             raise InvalidInput(
                 f"hammer test: robot {self.model.name!r} has no output on a link, such as an "

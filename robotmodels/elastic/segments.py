@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from robotmodels.common.arrays import Array
-from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.errors import InvalidInput, check_word
 from robotmodels.description.robot_file import Body, RobotFile, Spring
 from robotmodels.description.urdf import check_inertia, check_moments
 
@@ -86,12 +86,8 @@ def link_frame(rigid: pin.Model, name: str, who: str) -> int:
     InvalidInput
         If there is no such link; the message starts with `who` asks for it.
     """
-    if not rigid.existFrame(name, pin.BODY):
-        links = [f.name for f in rigid.frames if f.type == pin.BODY]
-        raise InvalidInput(
-            f"{who}: {name!r} is not a link of the URDF{nearest(name, links)}; "
-            f"it has {', '.join(links)}"
-        )
+    links = [frame.name for frame in rigid.frames if frame.type == pin.BODY]
+    check_word(f"{who}:", name, links, "is not a link of the URDF")
     return int(rigid.getFrameId(name, pin.BODY))
 
 

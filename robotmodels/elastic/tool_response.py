@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from robotmodels.common.arrays import Array, ComplexArray
-from robotmodels.common.errors import InvalidInput
+from robotmodels.common.errors import InvalidInput, check_word
 from robotmodels.description.outputs import Output
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.elastic.segments import link_frame
@@ -64,8 +64,7 @@ class Frame:
     def __post_init__(self) -> None:
         if np.shape(self.at) != (3,) or not np.isfinite(self.at).all():
             raise InvalidInput(f"frame: at {self.at}; x, y, z in the link's frame [m] are needed")
-        if self.axes not in ("base", "link"):
-            raise InvalidInput(f"frame: axes {self.axes!r} are unknown; there are base, link")
+        check_word("frame: axes", self.axes, ("base", "link"))
 
 
 def tool_frame(robot: ElasticRobot) -> Frame:

@@ -6,10 +6,10 @@ from typing import get_args
 import numpy as np
 
 from robotmodels.common.arrays import Array, real_numbers
-from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.errors import check_word
 from robotmodels.common.plain_data import json_text
 from robotmodels.elastic.robot import ElasticRobot
-from robotmodels.exports.formats import ENDINGS, Format, left_out
+from robotmodels.exports.formats import Format, left_out
 from robotmodels.exports.robot_files import save_robot, write_file
 
 
@@ -83,9 +83,4 @@ def check_format(format: str) -> None:
     InvalidInput
         Naming those there are.
     """
-    if format not in ENDINGS:
-        formats = get_args(Format)
-        raise InvalidInput(
-            f"format: {format!r} is unknown{nearest(format, formats)}; there are "
-            f"{', '.join(formats)}"
-        )
+    check_word("format:", format, get_args(Format))

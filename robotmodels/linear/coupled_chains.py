@@ -7,7 +7,7 @@ import numpy as np
 
 from robotmodels.common.arrays import Array, IntArray, read_only, real_numbers
 from robotmodels.common.deprecation import renamed_keywords
-from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.errors import InvalidInput, check_word
 from robotmodels.description.parameters import Parameters
 from robotmodels.linear.equilibrium_sensitivity import Tangents
 from robotmodels.linear.linear_model import LinearModel
@@ -73,11 +73,8 @@ class CoupledChains:
         """
         inertias = {name: abs(float(self.mass_matrix[at])) for name, at in self._inertias.items()}
         for name in self.extra:
-            if name not in inertias:
-                raise InvalidInput(
-                    f"extra: {name!r} is not a mass or a non-zero coupling of these chains"
-                    f"{nearest(name, inertias)}"
-                )
+            wrong = "is not a mass or a non-zero coupling of these chains"
+            check_word("extra:", name, inertias, wrong)
             if self.extra.count(name) > 1:
                 raise InvalidInput(f"extra: {name!r} is named twice")
         s = self.springs.size

@@ -11,6 +11,7 @@ from robotmodels.common.arrays import (
     ComplexArray,
     check_above_zero,
     complex_numbers,
+    one_or_each,
     read_only,
     real_numbers,
 )
@@ -134,12 +135,7 @@ class InputOutputNoise:
 
     def _each(self, name: str, count: int) -> Array:
         """Return a standard deviation of each motor, (count,)."""
-        values = np.asarray(getattr(self, name))
-        if values.shape not in ((), (count,)):
-            raise InvalidInput(
-                f"noise.{name}: shape {values.shape}; a number or one of each of {count} is needed"
-            )
-        return np.broadcast_to(values, (count,))
+        return one_or_each(getattr(self, name), count, f"noise.{name}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from robotmodels.common.arrays import Array, ComplexArray
-from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.errors import InvalidInput, check_word
 
 
 @runtime_checkable
@@ -91,11 +91,7 @@ def residual_form(residual: str | ResidualForm) -> ResidualForm:
         If there is none of that name, or it is no residual.
     """
     if isinstance(residual, str):
-        if residual not in RESIDUALS:
-            raise InvalidInput(
-                f"residual {residual!r} is none of {', '.join(RESIDUALS)}"
-                f"{nearest(residual, RESIDUALS)}"
-            )
+        check_word("residual", residual, RESIDUALS)
         return RESIDUALS[residual]
     if not isinstance(residual, ResidualForm):
         raise InvalidInput(f"residual {residual!r} is neither a name nor a `ResidualForm`")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotmodels.common.arrays import Array
-from robotmodels.common.errors import InvalidInput, naming, nearest
+from robotmodels.common.errors import InvalidInput, check_word, naming, nearest
 from robotmodels.data_files.file_guard import listed
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.logs.log import Log, Table
@@ -240,8 +240,7 @@ def _indices(
         pairs = zip(robot.motor_joints, robot.motor_names, strict=True)
         aliases |= {joint: motor for joint, motor in pairs if motor in joints}
     for name in entry.names:
-        if name not in aliases:
-            raise InvalidInput(f"{where}: joint {name!r} is unknown{nearest(name, aliases)}")
+        check_word(f"{where}: joint", name, aliases)
     if entry.names:
         names = [aliases[name] for name in entry.names]
     else:

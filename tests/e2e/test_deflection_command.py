@@ -54,7 +54,7 @@ def test_one_line_for_a_mistake(movements, tmp_path):
     code, _, err = oed("deflection", "kr300", movements, "--payload", "scales")
     assert (code, err.strip()) == (
         2,
-        "error: --payload: 'scales'; torques or robot-file is needed",
+        "error: --payload: 'scales' is unknown; there are torques, robot-file",
     )
     code, _, err = oed("deflection", "panda", movements, "-o", tmp_path)
     assert code == 2

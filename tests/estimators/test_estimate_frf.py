@@ -270,10 +270,13 @@ def test_jio_needs_a_reference():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"covariance": "totl"}, "covariance 'totl' is none of total, noise .did you mean 'total'"),
-        ({"structure": "banded"}, "structure 'banded' is none of full, diagonal"),
+        (
+            {"covariance": "totl"},
+            "covariance 'totl' is unknown .did you mean 'total'..; there are",
+        ),
+        ({"structure": "banded"}, "structure 'banded' is unknown; there are full, diagonal"),
         ({"delay": np.nan}, "delay: nan s is not a number"),
-        ({"method": "lpm"}, "method 'lpm' is none of"),
+        ({"method": "lpm"}, "method 'lpm' is unknown"),
     ],
 )
 def test_wrong_options_are_named(options, message):

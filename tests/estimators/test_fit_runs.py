@@ -296,7 +296,7 @@ def test_records_that_cannot_show_their_noise_are_refused() -> None:
         run_spectra(records, "periods")
     with pytest.raises(InvalidInput, match="position 1: noise 'blocks' needs 2 runs a block"):
         run_spectra(records, "blocks")
-    with pytest.raises(InvalidInput, match="noise 'none' is none of"):
+    with pytest.raises(InvalidInput, match="noise 'none' is unknown"):
         run_spectra(records, "none")
     missing = records.torque * np.nan, records.angle * np.nan
     with pytest.raises(InvalidInput, match="position 1: run 1 of block 1 is missing; leave the"):

@@ -139,5 +139,5 @@ def test_matrices_that_are_no_information_are_refused(matrix, message):
         identifiability(matrix, NAMES)
     with pytest.raises(InvalidInput, match="candidates: shape"):
         best_additions(np.eye(4), np.eye(4), NAMES)
-    with pytest.raises(InvalidInput, match="parameters: 'g3' is none of"):
+    with pytest.raises(InvalidInput, match="parameters: 'g3' is unknown"):
         best_additions(np.eye(4), np.eye(4)[None], NAMES, ["g3"])

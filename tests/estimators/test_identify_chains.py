@@ -251,7 +251,7 @@ def test_both_ways_of_the_inverse_problem_agree_in_noise_and_the_likelihood_is_s
 
 
 def test_another_method_is_named():
-    with pytest.raises(InvalidInput, match=r"method: 'stepwize' is not known.*'stepwise'"):
+    with pytest.raises(InvalidInput, match=r"method: 'stepwize' is unknown.*'stepwise'"):
         identify_chains(OMEGA, chain_response(CHAINS, OMEGA), 3, method="stepwize")
 
 

@@ -95,7 +95,7 @@ def test_a_band_never_holds_zero_hertz(tmp_path):
     for wrong in ((0.0, 1.0), (90.0, 20.0), (-5.0, 100.0), (np.nan, 100.0)):
         with pytest.raises(InvalidInput, match=r"band: .* lie from 3 to 79 Hz"):
             measured_frf(tmp_path / "bench.h5", band=wrong)
-    with pytest.raises(InvalidInput, match="'arj' is none of"):
+    with pytest.raises(InvalidInput, match="'arj' is unknown"):
         excitation(noisy(), "arj")
     gone = np.full_like(noisy().angle, np.nan)
     with pytest.raises(InvalidInput, match="every run is missing"):

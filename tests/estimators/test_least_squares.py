@@ -121,7 +121,7 @@ def test_the_report_names_parameters_and_units():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"residual": "log"}, "residual 'log' is none of"),
+        ({"residual": "log"}, "residual 'log' is unknown"),
         ({"weights": "use"}, "did you mean 'user'"),
         ({"bounds": (2.0, 1.0)}, "bounds: .* are not factors"),
         ({"bounds": np.ones((3, 6))}, r"bounds: shape \(3, 6\); two factors or \(2, 6\) values"),

@@ -81,7 +81,7 @@ def test_averaging_more_blocks_narrows_it():
         ({"half_width": 1}, r"3 lines with 1 runs give 3 equations for 6 unknowns"),
         ({"order": -1}, "order: -1; a whole number >= 0"),
         ({"denominator": 0.5}, "denominator: 0.5; a whole number"),
-        ({"structure": "half"}, "structure 'half' is none of"),
+        ({"structure": "half"}, "structure 'half' is unknown"),
     ],
 )
 def test_wrong_options_are_named(options, message):

@@ -361,5 +361,5 @@ def test_quasi_newton_minimises_robust_losses_too():
 
 
 def test_an_unknown_minimiser_is_refused():
-    with pytest.raises(InvalidInput, match=r"minimiser 'quasinewton' is none of .*quasi_newton"):
+    with pytest.raises(InvalidInput, match=r"minimiser 'quasinewton' is unknown .*quasi_newton"):
         multistart(MODEL, noisy(), starts(1), minimiser="quasinewton")

@@ -90,5 +90,5 @@ def test_what_is_no_residual_and_what_a_file_cannot_name(estimate, tmp_path):
     with pytest.raises(InvalidInput, match="residual 3 is neither a name nor a `ResidualForm`"):
         fit(MODEL, estimate, 3)
     write_fits(tmp_path / "fits.h5", [fit(MODEL, estimate, DynamicStiffness())])
-    with pytest.raises(InvalidInput, match="residual 'dynamic_stiffness' is none of nls"):
+    with pytest.raises(InvalidInput, match="residual 'dynamic_stiffness' is unknown"):
         read_fits(tmp_path / "fits.h5", MODEL, estimate)

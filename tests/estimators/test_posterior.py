@@ -178,7 +178,7 @@ def test_the_backend_of_another_problem_is_refused(found, tmp_path):
         ({"thin": 0}, "fewer than 10 snapshots"),
         ({"steps": 10**12}, "posterior: ensembles, walkers, steps: .* GB are needed"),
         ({"scale": 0.0}, "scale: 0.0 is not a number > 0"),
-        ({"noise": "unknwon"}, "noise: 'unknwon' is none of .*did you mean 'unknown'"),
+        ({"noise": "unknwon"}, "noise: 'unknwon' is unknown .did you mean 'unknown'"),
         ({"prior": Prior(("k3",), [1.0], [1.0])}, "prior: 'k3' is not a free parameter"),
         ({"starts": np.ones((3, 6))}, r"starts: shape \(3, 6\) given; \(64, 6\)"),
         ({"starts": np.tile(TRUTH * [1, 1, 1e4, 1, 1, 1], (64, 1))}, "starts: k12 = 4e.06 of"),

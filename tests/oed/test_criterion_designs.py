@@ -251,7 +251,7 @@ def test_priors_that_are_none(prior, message):
     [
         (oed.CCriterion(np.zeros(3)), r"criterion c: vector of shape \(3,\)"),
         (oed.CCriterion(np.ones(2)), r"criterion c: vector of shape \(2,\)"),
-        (oed.DsCriterion(("k9",)), r"criterion D_s: parameter 'k9' is not known"),
+        (oed.DsCriterion(("k9",)), r"criterion D_s: parameter 'k9' is unknown"),
         (oed.DsCriterion(("k0", "k0")), "distinct names needed"),
         (oed.AsCriterion(()), "criterion A_s: interest"),
         (oed.ICriterion(np.eye(2)), r"criterion I: matrix of shape \(2, 2\)"),

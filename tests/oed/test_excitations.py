@@ -237,7 +237,7 @@ def test_scatter_of_fits_is_the_designed_one(excitation):
     ("change", "message"),
     [
         ({"excitations": []}, "excitations: none given"),
-        ({"excitations": ["ortogonal"]}, "'ortogonal' is not known.*orthogonal"),
+        ({"excitations": ["ortogonal"]}, "'ortogonal' is unknown.*orthogonal"),
         ({"excitations": [3]}, "3 is neither a name nor an `Excitation`"),
         ({"excitations": [oed.SingleMotor(6)]}, "motor 7: the robot has 6 motors"),
         ({"noise": RelativeNoise()}, "RelativeNoise does not separate errors of torques"),

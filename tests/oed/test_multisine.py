@@ -185,7 +185,7 @@ def test_errors_name_the_line(keywords, message):
         ({"band": (16.0, 16.5)}, "no odd line lies between 16 and 16.5 rad/s"),
         ({"count": 24}, "count: 24 lines; the band holds 23"),
         ({"spacing": "quasi_log"}, "count: quasi-logarithmic spacing needs a number"),
-        ({"spacing": "log", "count": 3}, "spacing: 'log' is not known"),
+        ({"spacing": "log", "count": 3}, "spacing: 'log' is unknown"),
         ({"detection_group": 3}, "rng: a numpy.random.Generator is needed"),
         ({"detection_group": 1, "rng": np.random.default_rng()}, "detection_group: 1; a number"),
     ],

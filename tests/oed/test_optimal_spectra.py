@@ -313,7 +313,7 @@ def test_extra_parameters_take_the_general_way():
         ({"tolerance": 0.0}, "tolerance: 0.0"),
         ({"max_rounds": 0}, "max_rounds: 0"),
         ({"swing": 0.0}, "swing: 0.0; positive numbers"),
-        ({"kind": "worst"}, "kind 'worst' is not known"),
+        ({"kind": "worst"}, "kind 'worst' is unknown"),
     ],
 )
 def test_spectra_that_do_not_fit(change, message):

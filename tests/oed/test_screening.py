@@ -107,7 +107,11 @@ def test_nothing_left_says_why(tmp_path):
         (np.empty((0, 3)), None, r"positions: an array of shape \(0, 3\); \(Q, 3\)"),
         (np.zeros((2, 2)), None, r"one column per motor: m0, m1, m2"),
         (np.full((2, 3), np.nan), None, "position 0 is not finite"),
-        (np.zeros((1, 3)), [1.0, 2.0], r"torque_limits: shape \(2,\); one number or \(3,\)"),
+        (
+            np.zeros((1, 3)),
+            [1.0, 2.0],
+            r"torque_limits: shape \(2,\); one number, or one for each of 3",
+        ),
         (np.zeros((1, 3)), [1.0, 0.0, 1.0], "torque_limits of motor 'm1': 0 N m; a positive"),
     ],
 )
@@ -188,7 +192,7 @@ def test_candidates_of_a_study_follow_the_meshes_they_are_checked_with(tmp_path)
         ({"positions": [[0, 0]]}, r"candidates.positions\[0\]: 2 angles; 3 are needed"),
         ({"per_joint": {"elbo": 2}}, "candidates.per_joint: 'elbo' .* mean 'elbow'"),
         ({"limits": {"elbow": (0, 9)}}, "candidates.limits of joint 'elbow'"),
-        ({"torque": [1, 2]}, r"candidates.torque: shape \(2,\); one number or \(3,\) is needed"),
+        ({"torque": [1, 2]}, r"candidates.torque: shape \(2,\); one number, or one for each of 3"),
         ({"floor": 0, "link_radius": 1}, "candidates.link_radius: arm.urdf has collision shapes"),
         ({"files": ["taught.csv"]}, "^taught.csv: no such file"),
         ({"torque": 1e-9}, "^0 of 36 candidate positions are left"),

@@ -75,7 +75,7 @@ def test_how_many_for_a_wanted_accuracy():
     [
         ({"std": 0.0}, "std .*: 0.0 is not a number > 0"),
         ({"std": 0.1, "most": 100}, "out of reach of 100 experiments: 'k2' comes to 0.21"),
-        ({"std": 0.1, "parameters": ["k3"]}, "parameters: 'k3' is not known"),
+        ({"std": 0.1, "parameters": ["k3"]}, "parameters: 'k3' is unknown"),
         ({"std": 0.1, "parameters": []}, "parameters: none given"),
     ],
 )

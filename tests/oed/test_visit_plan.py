@@ -208,9 +208,9 @@ def test_samples_that_do_not_fit():
         oed.ExperimentCandidates.of_samples([candidates(0), candidates(0, q=2)])
     with pytest.raises(InvalidInput, match="samples: no table given"):
         oed.ExperimentCandidates.of_samples([])
-    with pytest.raises(InvalidInput, match="kind 'worst' is not known"):
+    with pytest.raises(InvalidInput, match="kind 'worst' is unknown"):
         oed.visit_plan(of_samples(0), 130.0, kind="worst")
-    with pytest.raises(InvalidInput, match="kind 'mean' is not known"):
+    with pytest.raises(InvalidInput, match="kind 'mean' is unknown"):
         oed.fastest_visit_plan(of_samples(0), oed.TargetCriterion(0.1, kind="mean"))
     with pytest.raises(InvalidInput, match="the least of several values, which holds at every"):
         oed.visit_plan(of_samples(0), 130.0, oed.TargetCriterion(TARGETS), kind="maximin")

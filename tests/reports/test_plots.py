@@ -174,7 +174,7 @@ def test_trade_offs_have_certificates_and_gaps():
 
 def test_unknown_parameters_are_told():
     uncertainty = SimpleNamespace(names=("a", "b"), std=np.array([1.0, 2.0]))
-    with pytest.raises(robotmodels.InvalidInput, match="parameters: c is not one of a, b"):
+    with pytest.raises(robotmodels.InvalidInput, match="'c' is unknown; there are a, b"):
         plots.traces(None, uncertainty, np.ones(2), ["c"])
 
 

@@ -56,7 +56,7 @@ def test_wrong_prices(study) -> None:
         (("--price=elbow=-1",), "--price elbow=-1: NAME=PRICE"),
         (
             ("--price=elbw=1",),
-            "no output of the robot beside motors' encoders (did you mean 'elbow'",
+            "is no output of the robot beside motors' encoders (did you mean 'elbow'",
         ),
     ):
         code, _, err = oed("sensors", str(study), "--budget=1", *words)

@@ -110,7 +110,7 @@ def test_an_unknown_joint_or_link_comes_with_the_nearest_and_all() -> None:
     line = refusal(with_spring(SPLIT, "d4", joint="wrist1_joint"))
     assert "(did you mean 'wrist_1_joint'?); there are shoulder_pan_joint, shoulder_lift" in line
     line = refusal(with_spring(SPLIT, "a3x", link="forearm"))
-    assert "(did you mean 'forearm_link'?); it has world, base_link" in line
+    assert "(did you mean 'forearm_link'?); there are world, base_link" in line
 
 
 def test_a_motor_cannot_have_the_name_of_a_joint() -> None:

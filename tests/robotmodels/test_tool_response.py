@@ -169,7 +169,7 @@ def test_mistakes_name_frame_and_motors():
     robot, at = built(PENDULUM), np.array([[0.4]])
     with pytest.raises(InvalidInput, match=r"^frame: 'rood' is not a link of the URDF.*rod"):
         tool_model(robot, at, Frame("rood"))
-    with pytest.raises(InvalidInput, match="frame: axes 'tool' are unknown"):
+    with pytest.raises(InvalidInput, match="frame: axes 'tool' is unknown"):
         Frame("rod", axes="tool")
     with pytest.raises(InvalidInput, match="x, y, z in the link's frame"):
         Frame("rod", (0.1, 0.2))

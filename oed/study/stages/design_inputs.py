@@ -26,7 +26,7 @@ from oed.study.settings.design_settings import (
 from oed.study.stages.assumed_springs import all_assumed
 from robotmodels import ElasticRobot, Frame, tool_frame
 from robotmodels.common.arrays import Array, IntArray
-from robotmodels.common.errors import InvalidInput, NoEquilibrium, naming, nearest
+from robotmodels.common.errors import InvalidInput, NoEquilibrium, check_word, naming
 
 _ABOUT = {"Ds": DsCriterion, "As": AsCriterion, "maximin": LargestVarianceCriterion}
 _DRAWS = 30  # for each sample of theta that is asked for
@@ -192,11 +192,7 @@ def _within(where: Ranges, positions: Array, robot: ElasticRobot, key: str) -> I
     joints = tuple(robot.motor_joints)
     inside = np.ones(len(positions), dtype=bool)
     for joint, (low, high) in where.items():
-        if joint not in joints:
-            raise InvalidInput(
-                f"design.{key}: {joint!r} is not a driven joint{nearest(joint, joints)}; "
-                f"there are {', '.join(joints)}"
-            )
+        check_word(f"design.{key}:", joint, joints, "is not a driven joint")
         column = joints.index(joint)
         above = positions[:, column] - low
         if robot.turning[column]:
