@@ -9,7 +9,7 @@ from estimators.sampling.student_t_proposal import StudentT
 from robotmodels.common.arrays import Array
 
 # Shares of the moves; without a proposal the first two share the third's part.
-DE, SNOOKER, INDEPENDENT = 0.4, 0.1, 0.5
+DE, SNOOKER, INDEPENDENT = 0.28, 0.07, 0.65
 
 GAMMA = 1.7  # of the snooker move, as ter Braak and Vrugt have it
 

@@ -139,8 +139,8 @@ def sample_posterior(
     `likelihood_fit` gives.
 
     Sampling ends once the chains meet the target, after 3 autocorrelation times of burn-in.
-    Moves: half independent draws from a Student t about the mode, half differential evolution
-    with a fifth of snooker updates.
+    Of the moves 0.65 are independent draws from a Student t about the mode, 0.28 differential
+    evolution, 0.07 snooker updates.
 
     Parameters
     ----------

@@ -1,7 +1,9 @@
 """``oed run``: a whole study."""
 
 import shlex
+from importlib import import_module
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -99,9 +101,10 @@ def _computed(study: Path, workers: int, cluster: str | None, fresh: bool) -> "S
     """Return the results of a study, its files and pages written."""
 
     def run_study(*arguments: Any, **options: Any) -> "StudyResults":
-        # Imported here: other processes begin meanwhile.
         from oed.study import pipeline
 
+        # What draws pages is loaded while other processes compute.
+        Thread(target=import_module, args=("reports.pages.study_page",), daemon=True).start()
         return pipeline.run_study(*arguments, **options)
 
     def pages(results: Any, folder: Path, progress: Any) -> "tuple[Failure, ...]":

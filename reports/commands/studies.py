@@ -43,7 +43,6 @@ _OF_VISITS = frozenset({"minutes", "targets", "excitations", "spectra"})
 _MODULES = (
     "reports.cli",
     "oed.study.pipeline",
-    "estimators.sampling.moves",
     "estimators.validation.predictive_band",
 )
 """What the processes of a study load at once."""
@@ -198,6 +197,7 @@ def compute_study(
     """
     _load_ahead(workers, cluster)
     content = read_study(study)
+    import oed.study.pipeline  # noqa: F401  # while another process loads it for the workers
     from robotmodels.common.atomic_files import staged_folder
 
     collect_rarely()
