@@ -155,13 +155,26 @@ def read_study(study: Path) -> "Study":
     return load_study(study)
 
 
-def tell_of_compiling() -> None:
-    """Tell who watches that the first run takes longer."""
-    if not sys.stderr.isatty():
-        return
-    from robotmodels.kernel import is_compiled
+def compile_ahead(executor: "Executor | None") -> None:
+    """Compile what later stages call, if it is not; who watches is told that it takes longer.
 
-    if not is_compiled():
+    The other process is asked whether it is: this one does not load the compiler.
+    """
+    if isinstance(executor, ProcessPool):
+        if sys.stderr.isatty():
+            executor.submit(call, "robotmodels.kernel", "is_compiled").add_done_callback(
+                lambda asked: tell_of_compiling(
+                    asked.cancelled() or bool(asked.exception()) or asked.result()
+                )
+            )
+        executor.submit(call, "oed.study.compile_ahead", "compile_ahead")
+    elif sys.stderr.isatty():
+        tell_of_compiling(call("robotmodels.kernel", "is_compiled"))
+
+
+def tell_of_compiling(compiled: bool) -> None:
+    """Tell who watches that the first run takes longer, unless code is compiled."""
+    if not compiled:
         sys.stderr.write(_COMPILING)
 
 
@@ -202,11 +215,9 @@ def compute_study(
 
     collect_rarely()
     new = fresh or not (content.output / "stages").exists()
-    if new:
-        tell_of_compiling()
     with working(study, workers, cluster, _MODULES if new else ()) as (progress, executor):
-        if new and isinstance(executor, ProcessPool):
-            executor.submit(call, "oed.study.compile_ahead", "compile_ahead")
+        if new:
+            compile_ahead(executor)
         results = step(content, progress, executor=executor, fresh=fresh)
         if isinstance(executor, ProcessPool):
             executor.shutdown(wait=False)  # they end while the pages are drawn

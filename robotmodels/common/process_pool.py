@@ -160,9 +160,9 @@ class ProcessPool(Executor):
         return error if self._begun.is_set() else ProcessesNeverBegan(_NEVER_BEGAN)
 
 
-def call(module: str, name: str) -> None:
-    """Call a function of a module, which only the process that calls it loads."""
-    getattr(import_module(module), name)()
+def call(module: str, name: str) -> Any:
+    """Return the result of a function of a module, which only the process that calls it loads."""
+    return getattr(import_module(module), name)()
 
 
 def _load(module: str) -> None:

@@ -16,7 +16,7 @@ from conftest import drawn, write_study
 from oed.study import last_run, sources
 from oed.study.last_run import LastRun
 from reports.commands.run import last_run as last_run_of
-from reports.commands.studies import tell_of_compiling
+from reports.commands.studies import compile_ahead
 
 NUMERICS = ("scipy", "pinocchio", "numba", "matplotlib", "emcee", "oed.study.pipeline")
 
@@ -131,6 +131,6 @@ def test_who_watches_is_told_of_compiling(monkeypatch, capsys):
     for compiled, terminal in ((False, True), (True, True), (False, False)):
         monkeypatch.setattr("robotmodels.kernel.is_compiled", lambda compiled=compiled: compiled)
         monkeypatch.setattr(sys.stderr, "isatty", lambda terminal=terminal: terminal)
-        tell_of_compiling()
+        compile_ahead(None)
         err = capsys.readouterr().err
         assert ("compiling for this processor" in err) == (terminal and not compiled)
