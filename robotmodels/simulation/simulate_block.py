@@ -91,7 +91,7 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
     total = (block.transient + block.periods) * N
     step = controller.sample_time
     sensed = bool(other_outputs(robot))
-    parts = PARTS if sensed or drives.delay.any() or drives.lag.any() else 1
+    parts = PARTS if sensed or drives.delay.any() or drives.lag.any() or step > _LONGEST else 1
     total += TAIL if sensed else 0
     motion = np.empty((2, parts * total if sensed else 0, len(state)))
     results: list[Any] = []
@@ -262,9 +262,10 @@ def _brakes(
     return columns[0].astype(np.int64), factor * columns[1], columns[2]
 
 
+_LONGEST = 1e-3  # time for which the robot's shape is held [s]
 _SAFETY = 1.15  # of poles, for positions nearby
-_STICKING = 4
 _ACCURACY = 2e-4  # of the frequencies of modes, so that stiffness is within 0.04 %
+_STICKING = 4
 """Steps per sample at least with sharp friction, whose torque is constant over a step.
 
 Where light motors of wrists stop, one step a sample makes their springs seem 0.2 to 0.5 % softer;
