@@ -1,23 +1,16 @@
 """Fast searches by compiled normal equations, about fixed or renewed equilibria."""
 
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from estimators.fitting.fit_problem import FitProblem
-from estimators.fitting.trust_region import (
-    Loss,
-    Minimiser,
-    Residuals,
-    SearchResult,
-    trust_region,
-)
+from estimators.fitting.fit_problem import FitProblem, all_finite
+from estimators.fitting.gauss_newton import damped_gauss_newton, damped_step, gained
+from estimators.fitting.trust_region import OUT_OF_EVALUATIONS, Minimiser, SearchResult
 from robotmodels.common.arrays import Array
-from robotmodels.common.errors import IdentificationError, SolverFailed
-from robotmodels.common.symmetric_matrices import scaled_eigh, unit_diagonal_scaling
+from robotmodels.common.errors import IdentificationError
 from robotmodels.linear.normal_equations import NormalEquations
 from robotmodels.linear.response import HasEquilibriumDerivatives
 from robotmodels.linear.spring_network import SpringNetwork
@@ -95,18 +88,17 @@ def network_and_shift(
 
 # Fewer numbers than this in the Jacobian are faster by numpy than compiled code is loaded.
 WORTHWHILE = 80_000
-# A first search need not be better than the equilibria of its start.
-ROUGH = 1e-4
+# The first searches need not be better than the equilibria of their starts.
+ROUGH = (1e-4, 1e-8)
 # Share of the cost that a full step would take away, above which a start is far from a minimum.
 FAR = 0.1
 # Renewals of the equilibria. Two or three do; where springs are so soft that more are needed, the
 # search goes on with equilibria computed anew at every point.
 ROUNDS = 8
+# Share of what renewed equilibria gain by which the cost about them may be wrong.
+INEXACT = 1e-3
 # Halvings of the way to a point where the robot has no equilibrium.
 HALVINGS = 8
-# Least square of a Cholesky pivot, at a unit diagonal, at which the factor is accurate.
-_SEEN = 1e-8
-OUT_OF_EVALUATIONS = "The maximum number of function evaluations is exceeded"
 
 
 def can_compile(problem: FitProblem, network: SpringNetwork) -> bool:
@@ -130,7 +122,7 @@ def renewed_search(
     start: Array,
     max_evaluations: int,
     tolerance: float,
-    minimise: Minimiser = trust_region,
+    minimise: Minimiser = damped_gauss_newton,
 ) -> SearchResult:
     """Search as `exact_search` does, but with compiled normal equations at every point.
 
@@ -141,11 +133,23 @@ def renewed_search(
     IdentificationError
         If the model has no FRF at the start.
     """
+    return minimise(problem, _RenewedModel(problem), start, max_evaluations, tolerance)
 
-    def evaluate(values: Array) -> tuple[Array, Array]:
-        return CorrectedModel(problem, *network_and_shift(problem, values))(values)
 
-    return minimise(problem, Residuals(evaluate), start, max_evaluations, tolerance)
+@dataclass(frozen=True, eq=False)
+class _RenewedModel:
+    """The objective whose equilibria are computed anew at every point."""
+
+    problem: FitProblem
+
+    def normal_equations(self, values: Array) -> NormalEquations:
+        return self._at(values).normal_equations(values)
+
+    def gradient(self, values: Array) -> tuple[float, Array]:
+        return self._at(values).gradient(values)
+
+    def _at(self, values: Array) -> "CorrectedModel":
+        return CorrectedModel(self.problem, *network_and_shift(self.problem, values))
 
 
 def frozen_search(
@@ -154,7 +158,7 @@ def frozen_search(
     network: SpringNetwork,
     max_evaluations: int,
     tolerance: float,
-    minimise: Minimiser = trust_region,
+    minimise: Minimiser = damped_gauss_newton,
 ) -> SearchResult:
     """Search as `exact_search` does, ten times faster.
 
@@ -179,12 +183,12 @@ def frozen_search(
     IdentificationError
         If the model has no FRF at the start.
     """
-    values, best, cost, gain, curvature = start, start, np.inf, np.inf, None
-    first, least, spent = _first_model(problem, start, network)
+    values, best, least, gain, curvature = start, start, np.inf, np.inf, None
+    first, spent = _first_model(problem, start, network), 0
     shift: EquilibriumShift | None = None
     for nth in range(ROUNDS):
         model = CorrectedModel(problem, network, shift) if nth else first
-        allowed = max(tolerance, ROUGH) if nth == 0 else tolerance
+        allowed = max(tolerance, ROUGH[nth]) if nth < len(ROUGH) else tolerance
         outcome = minimise(
             problem, model, values, max(max_evaluations - spent, 2), allowed, curvature
         )
@@ -195,27 +199,26 @@ def frozen_search(
         if nth:
             before, gain = gain, model.cost - outcome.cost
             ratio = gain / before if np.isfinite(before) and before > gain else 1.0
-            next_gain = gain * ratio
+            next_gain = gain * max(ratio, INEXACT)
             if outcome.status and next_gain <= tolerance * outcome.cost:
                 return end
         if not (nth == 0 or outcome.status) or spent > max_evaluations - 2:
             return _unfinished(problem, end, best, least)
-        if nth and model.cost > cost * (1 + tolerance):
+        if nth and model.cost > least * (1 + tolerance):
             break
-        cost = model.cost if nth else cost
         values, network, shift = _reachable(problem, values, outcome.values, network, shift)
     outcome = renewed_search(problem, best, max_evaluations - spent, tolerance, minimise)
     return replace(outcome, evaluations=spent + outcome.evaluations)
 
 
-def _first_model(
-    problem: FitProblem, start: Array, network: SpringNetwork
-) -> tuple["CorrectedModel", float, int]:
-    """Return the cost to begin with, V at the start (infinite: not looked at), evaluations."""
-    model, rough = CorrectedModel(problem, network, None), problem.rough
-    if rough is not problem and can_compile(rough, network) and model.far(start):
-        return CorrectedModel(rough, network, None), model.cost, 1
-    return model, np.inf, 0
+def _first_model(problem: FitProblem, start: Array, network: SpringNetwork) -> "CorrectedModel":
+    """Return the cost to begin with, which has been evaluated at the start if it is a rough one."""
+    rough = problem.rough
+    if rough is not problem:
+        model = CorrectedModel(rough, network, None)
+        if model.far(start):
+            return model
+    return CorrectedModel(problem, network, None)
 
 
 def _unfinished(problem: FitProblem, end: SearchResult, best: Array, least: float) -> SearchResult:
@@ -234,47 +237,6 @@ def _unfinished(problem: FitProblem, end: SearchResult, best: Array, least: floa
     return replace(end, values=best, cost=least)
 
 
-def squares(normal: NormalEquations) -> tuple[Array, Array]:
-    """Return p + 1 residuals r and their Jacobian J with the given normal equations.
-
-    r^T r is the cost, 2 J^T r the gradient, 2 J^T J the Hessian. The last residual is the part of
-    the cost that no step can take away to first order, so its row of J is zero. Directions the
-    data do not see have neither residual nor slope.
-
-    Raises
-    ------
-    SolverFailed
-        If they are not finite.
-    """
-    if not (np.isfinite(normal.cost) and np.isfinite(normal.hessian).all()):
-        raise SolverFailed("the model's FRF or its sensitivity is not finite")
-    r, J = _rooted(normal.hessian / 2, normal.gradient / 2)
-    # A gradient through the equilibria may ask for more than the whole cost: a larger Hessian asks
-    # for less.
-    if normal.cost > 0 and r @ r > 0.99 * normal.cost:
-        excess = np.sqrt(r @ r / (0.99 * normal.cost))
-        r, J = r / excess, J * excess
-    remainder = np.sqrt(max(normal.cost - float(r @ r), 0.0))
-    return np.append(r, remainder), np.vstack([J, np.zeros(len(r))])
-
-
-def _rooted(product: Array, slope: Array) -> tuple[Array, Array]:
-    """Return r (p,) and J (p, p) with J^T J = `product` and J^T r = `slope`.
-
-    J is a Cholesky factor, or one by eigenvectors where directions are hardly seen.
-    """
-    s = unit_diagonal_scaling(product)
-    with suppress(np.linalg.LinAlgError):
-        L = np.linalg.cholesky(s[:, None] * product * s)
-        if np.diagonal(L).min() ** 2 > _SEEN:
-            return np.linalg.solve(L, slope * s), L.T / s
-    s, values, vectors = scaled_eigh(product)
-    seen = values > len(values) * np.finfo(float).eps * values[-1]
-    root = np.sqrt(np.where(seen, values, 1.0))
-    r = np.where(seen, vectors.T @ (slope * s) / root, 0.0)
-    return r, np.where(seen, root, 0.0)[:, None] * vectors.T / np.where(s > 0, s, 1.0)
-
-
 class CorrectedModel:
     """The objective that is the cost about the equilibria of one network, corrected.
 
@@ -283,8 +245,6 @@ class CorrectedModel:
     cost : float
         Cost at the parameters of the network.
     """
-
-    loss: Loss | None = None
 
     def __init__(
         self, problem: FitProblem, network: SpringNetwork, shift: EquilibriumShift | None
@@ -296,33 +256,37 @@ class CorrectedModel:
         if shift is not None:
             self.shift = shift.gradient(network, self.kernel)
         self.cost = np.nan
-        self._last: tuple[Array, tuple[Array, Array]] | None = None
+        self._last: tuple[Array, NormalEquations] | None = None
 
-    def __call__(self, values: Array) -> tuple[Array, Array]:
-        """Return residuals (p + 1,) and their Jacobian by ln theta at `values` (p,)."""
+    def normal_equations(self, values: Array) -> NormalEquations:
+        """Return the cost at `values` (p,), its gradient by ln theta and Gauss-Newton's matrix.
+
+        Raises
+        ------
+        SolverFailed
+            If they are not finite.
+        """
         # Whether a start is far is asked before a search begins there.
         if self._last is None or not np.array_equal(values, self._last[0]):
-            self._last = values.copy(), self._evaluated(values)
+            normal = self.kernel.normal_equations(values)
+            cost, gradient = self._corrected(values, normal.cost, normal.gradient)
+            hessian, prior = normal.hessian, self.problem.prior
+            if prior is not None:
+                hessian = hessian + prior.information(self.problem.model.parameters.names)
+            all_finite(np.array(cost), gradient, hessian)
+            self._last = values.copy(), NormalEquations(cost, gradient, hessian)
         return self._last[1]
-
-    def _evaluated(self, values: Array) -> tuple[Array, Array]:
-        normal = self.kernel.normal_equations(values)
-        cost, gradient = self._corrected(values, normal.cost, normal.gradient)
-        hessian, prior = normal.hessian, self.problem.prior
-        if prior is not None:
-            hessian = hessian + prior.information(self.problem.model.parameters.names)
-        return squares(NormalEquations(cost, gradient, hessian))
 
     def far(self, values: Array) -> bool:
         """Tell whether a full step from `values` (p,) would lower the cost much."""
-        residuals, _ = self(values)
-        return bool(residuals[:-1] @ residuals[:-1] > FAR * self.cost)
+        here = self.normal_equations(values)
+        step = damped_step(here, 0.0, np.full(len(values), True))
+        return -gained(here, step) > FAR * here.cost
 
     def gradient(self, values: Array) -> tuple[float, Array]:
         """Return the cost and its gradient by ln theta (p,) at `values` (p,)."""
         cost, gradient = self._corrected(values, *self.kernel.gradient(values))
-        if not (np.isfinite(cost) and np.isfinite(gradient).all()):
-            raise SolverFailed("the model's FRF or its sensitivity is not finite")
+        all_finite(np.array(cost), gradient)
         return cost, gradient
 
     def _corrected(self, values: Array, cost: float, gradient: Array) -> tuple[float, Array]:

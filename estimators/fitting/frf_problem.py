@@ -32,8 +32,9 @@ from robotmodels.linear.spring_network import SpringNetwork
 if TYPE_CHECKING:
     from robotmodels.kernel import CostKernel
 
-# A search far from the minimum looks at every so many lines, if that leaves so many.
-THINNED, LEAST_LINES = 4, 20
+# A search far from the minimum looks at about so many lines, two vectors of the compiled code, but
+# at least at every so-manieth; where that is not less than every fourth, at all of them.
+ROUGH_LINES, THINNED, LEAST_THINNED = 16, 8, 4
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -148,11 +149,11 @@ class FrfProblem(FitProblem):
 
     @cached_property
     def rough(self) -> "FrfProblem":
-        """The problem of every fourth line, whose squares count fourfold, if enough remain."""
-        if len(self.omega) < THINNED * LEAST_LINES:
+        """The problem of every fourth to eighth line, whose squares count as often, or this one."""
+        step = min(-(-len(self.omega) // ROUGH_LINES), THINNED)
+        if step < LEAST_THINNED:
             return self
-        weights = THINNED * self.weights[:, ::THINNED]
-        return replace(self, data=self.data.of_lines(THINNED), weights=weights)
+        return replace(self, data=self.data.of_lines(step), weights=step * self.weights[:, ::step])
 
     def robust(self, squares: Array) -> Array:
         """Return the loss of squared residuals (r,) and its two derivatives, (3, r).

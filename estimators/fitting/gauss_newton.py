@@ -1,20 +1,48 @@
-"""Full Gauss-Newton steps, for starts so near a minimum that nothing needs to restrain them."""
+"""Gauss-Newton steps from normal equations: damped, or full ones for starts near a minimum."""
 
-from dataclasses import replace
+from contextlib import suppress
 
 import numpy as np
 
 from estimators.fitting.trust_region import (
+    OUT_OF_EVALUATIONS,
     Bounded,
     Curvature,
     Objective,
+    Residuals,
     SearchResult,
+    at_bounds,
     trust_region,
 )
-from robotmodels.common.arrays import Array
+from robotmodels.common.arrays import Array, BoolArray
 from robotmodels.common.errors import IdentificationError
+from robotmodels.common.symmetric_matrices import scaled_eigh
+from robotmodels.linear.normal_equations import NormalEquations
 
+# Share of each slope that damps steps of its parameter. From 0.3 to 0.8, searches from far starts
+# find the best minimum as often; a damping that ends at zero misses it more often.
+DAMPING = 0.5
+# A step that lowers the cost by less than this share of what it should is followed by shorter
+# ones, one that lowers it by more than that by longer ones.
+_POOR, _GOOD = 0.25, 0.75
 _CONVERGED = "The next step would lower the cost by less than the tolerance"
+
+
+def damped_gauss_newton(
+    problem: Bounded,
+    objective: Objective,
+    start: Array,
+    max_evaluations: int,
+    tolerance: float,
+    curvature: Curvature | None = None,
+) -> SearchResult:
+    """Minimise by damped Gauss-Newton steps about ln theta; see `Minimiser`.
+
+    Of residuals, which may be robust or ill conditioned, by `trust_region`.
+    """
+    if isinstance(objective, Residuals):
+        return trust_region(problem, objective, start, max_evaluations, tolerance)
+    return _minimum(problem, objective, start, max_evaluations, tolerance, DAMPING)
 
 
 def gauss_newton(
@@ -25,42 +53,110 @@ def gauss_newton(
     tolerance: float,
     curvature: Curvature | None = None,
 ) -> SearchResult:
-    """Minimise by full Gauss-Newton steps about ln theta; see `Minimiser`.
-
-    From where a step leaves the bounds or does not lower the cost, `trust_region` goes on.
-    """
-    before = SearchResult(start, np.inf, 0, "", 0)
-    if objective.loss is None:
-        before = _full_steps(problem, objective, start, max_evaluations, tolerance)
-    if before.status:
-        return before
-    remaining = max(max_evaluations - before.evaluations, 1)
-    after = trust_region(problem, objective, before.values, remaining, tolerance)
-    return replace(after, evaluations=before.evaluations + after.evaluations)
+    """Minimise by full Gauss-Newton steps about ln theta, damped from where one fails."""
+    if isinstance(objective, Residuals) and objective.loss is not None:
+        return trust_region(problem, objective, start, max_evaluations, tolerance)
+    return _minimum(problem, objective, start, max_evaluations, tolerance, 0.0)
 
 
-def _full_steps(
-    problem: Bounded, objective: Objective, start: Array, max_evaluations: int, tolerance: float
+def _minimum(
+    problem: Bounded,
+    objective: Objective,
+    start: Array,
+    max_evaluations: int,
+    tolerance: float,
+    least: float,
 ) -> SearchResult:
-    """Return where full steps lead, with status zero if that is no minimum.
+    """Return where steps lead whose damping is never below `least`.
 
-    They end where the next one would lower the cost by less than `tolerance` of it, by the linear
-    model of the residuals; that step is taken without another evaluation.
+    They end where the next one would lower the cost by less than `tolerance` of it, by the
+    quadratic model; that step is taken without another evaluation.
     """
-    low, high = problem.bounds
-    values, cost, trial = start, np.inf, start
+    point = _Point(problem, objective, start, least)
     for evaluations in range(1, max_evaluations + 1):
-        try:
-            residuals, jacobian = objective(trial)
-        except (IdentificationError, np.linalg.LinAlgError):
+        trial = point.next()
+        gain = -gained(point.normal, trial - point.x)
+        if gain <= tolerance * point.normal.cost or evaluations == max_evaluations:
             break
-        if not residuals @ residuals < cost:
-            break
-        values, cost = trial, float(residuals @ residuals)
-        step = np.linalg.lstsq(jacobian, -residuals, rcond=None)[0]
-        trial, gain = values * np.exp(step), float(-residuals @ jacobian @ step)
-        if not ((low < trial) & (trial < high)).all():
-            break
-        if gain <= tolerance * cost:
-            return SearchResult(trial, cost - gain, 2, _CONVERGED, evaluations)
-    return SearchResult(values, cost, 0, "", evaluations)
+        point.move(trial, gain)
+    x, cost, status, message = point.x, point.normal.cost, 0, OUT_OF_EVALUATIONS
+    if gain <= tolerance * cost:
+        # After a step that failed, the model may have no FRF where the next one leads.
+        if point.moved:
+            x, cost = trial, cost - max(gain, 0.0)
+        status = 2
+        message = _CONVERGED + at_bounds(problem, (x <= point.low) | (x >= point.high))
+    values = np.clip(start * np.exp(x), *problem.bounds)
+    return SearchResult(values, cost, status, message, evaluations)
+
+
+class _Point:
+    """A point x (p,) = ln(theta/start) of a search, and how steps from there are damped."""
+
+    def __init__(self, problem: Bounded, objective: Objective, start: Array, least: float) -> None:
+        self.objective, self.start, self.least = objective, start, least
+        self.low, self.high = np.log(problem.bounds / start)
+        self.x, self.damping, self.moved = np.zeros_like(start), least, True
+        self.normal = objective.normal_equations(start)
+
+    def next(self) -> Array:
+        """Return where the next step leads; full ones are damped if they are long."""
+        trial = self._stepped()
+        if self.least < DAMPING and np.abs(trial - self.x).max() > 1 / DAMPING:
+            self.least = self.damping = DAMPING
+            trial = self._stepped()
+        return trial
+
+    def move(self, trial: Array, gain: float) -> None:
+        """Evaluate a trial point (p,), move there if that lowers the cost, and judge the step."""
+        lowered = -np.inf
+        with suppress(IdentificationError, np.linalg.LinAlgError):
+            there = self.objective.normal_equations(self.start * np.exp(trial))
+            lowered = self.normal.cost - there.cost
+        poor, full = lowered < _POOR * gain, self.least < DAMPING
+        # A full step that does badly is not taken: they are for starts near a minimum.
+        self.moved = lowered > 0 and not (poor and full)
+        if poor:
+            self.least = max(self.least, DAMPING)
+            self.damping = max(4 * self.damping, self.least)
+        elif lowered > _GOOD * gain:
+            self.damping = max(self.damping / 2, self.least)
+        if self.moved:
+            self.x, self.normal = trial, there
+
+    def _stepped(self) -> Array:
+        """Return the point moved by a damped step, as far as the bounds let it.
+
+        Parameters whose step would lead out of their bound stay there.
+        """
+        x, low, high, free = self.x, self.low, self.high, np.full(len(self.x), True)
+        while True:
+            step = damped_step(self.normal, self.damping, free)
+            out = (x <= low) & (step < 0) | (x >= high) & (step > 0)
+            if not out.any():
+                break
+            free &= ~out
+        with np.errstate(divide="ignore", invalid="ignore"):
+            room = np.where(step == 0, np.inf, np.where(step > 0, high - x, low - x) / step)
+        return np.clip(x + min(1.0, float(room.min())) * step, low, high)
+
+
+def gained(normal: NormalEquations, step: Array) -> float:
+    """Return the change of the cost by a step of ln theta (p,), by the quadratic model."""
+    return float(normal.gradient @ step + step @ normal.hessian @ step / 2)
+
+
+def damped_step(normal: NormalEquations, damping: float, free: BoolArray) -> Array:
+    """Return the step of ln theta (p,) of the `free` parameters, zero in directions not seen.
+
+    `damping` times the magnitude of each slope is added to its diagonal entry: far away, where
+    slopes prevail, no parameter by itself would move by more than 1/damping, and near a minimum,
+    where they vanish, steps become full ones. That damping by slopes keeps Gauss-Newton's
+    convergence quadratic is what Fan and Yuan (2005) show of a common one.
+    """
+    gradient = np.where(free, normal.gradient, 0.0)
+    matrix = normal.hessian + np.diag(damping * np.abs(gradient))
+    s, values, vectors = scaled_eigh(np.where(free[:, None] & free, matrix, 0.0))
+    seen = values > len(values) * np.finfo(float).eps * values[-1]
+    along = np.where(seen, vectors.T @ (s * gradient) / np.where(seen, values, 1.0), 0.0)
+    return np.asarray(-s * (vectors @ along))

@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from estimators.fitting.fit_problem import FitProblem, check_enough_data
 from estimators.fitting.fitted_model import FittedModel, lines_in_words
 from estimators.fitting.frf_problem import FrfProblem, frf_problem
+from estimators.fitting.gauss_newton import damped_gauss_newton
 from estimators.fitting.priors import Prior
 from estimators.fitting.residuals import Residual, find_residual
 from estimators.fitting.run_fit import RunFit
 from estimators.fitting.run_problem import RunProblem, run_problem
 from estimators.fitting.search import check_effort, search
 from estimators.fitting.start_values import named_start
-from estimators.fitting.trust_region import Minimiser, SearchResult, trust_region
+from estimators.fitting.trust_region import Minimiser, SearchResult
 from estimators.fitting.weight_choice import evaluate_weights
 from estimators.frf.frf_estimate import FrfEstimate
 from estimators.frf.rigid_body_check import RigidLimit, rigid_limit
@@ -203,7 +204,7 @@ def solved(
     start: Array,
     max_evaluations: int = 200,
     tolerance: float = 1e-10,
-    minimise: Minimiser = trust_region,
+    minimise: Minimiser = damped_gauss_newton,
 ) -> Fit | RunFit:
     """Return the fit of a problem from a start (p,), as `fit` does."""
     first = as_fit(problem, start, search(problem, start, max_evaluations, tolerance, minimise))

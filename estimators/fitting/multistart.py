@@ -141,8 +141,9 @@ def multistart(
         share of the starts has. A run that was interrupted, or one with more starts, goes on from
         it.
     minimiser : {"trust_region", "quasi_newton"}
-        Gauss-Newton steps in a trust region, or BFGS, which uses gradients alone as [WM]'s fminunc
-        does; the tolerance of its gradient is relative to 1 + that at the start.
+        Gauss-Newton steps in a trust region, damped instead where costs are compiled, or BFGS,
+        which uses gradients alone as [WM]'s fminunc does; the tolerance of its gradient is
+        relative to 1 + that at the start.
 
     Raises
     ------

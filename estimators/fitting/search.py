@@ -10,19 +10,17 @@ from estimators.fitting.fixed_equilibrium_search import (
     hardens,
     renewed_search,
 )
+from estimators.fitting.gauss_newton import damped_gauss_newton
 from estimators.fitting.quasi_newton import quasi_newton
-from estimators.fitting.trust_region import (
-    START_FAILED,
-    Minimiser,
-    SearchResult,
-    exact_search,
-    trust_region,
-)
+from estimators.fitting.trust_region import START_FAILED, Minimiser, Residuals, SearchResult
 from robotmodels.common.arrays import Array, check_count
 from robotmodels.common.errors import IdentificationError, InvalidInput
 from robotmodels.linear.derived_models import FixedEquilibriumModel
 
-MINIMISERS: dict[str, Minimiser] = {"trust_region": trust_region, "quasi_newton": quasi_newton}
+MINIMISERS: dict[str, Minimiser] = {
+    "trust_region": damped_gauss_newton,
+    "quasi_newton": quasi_newton,
+}
 
 
 def check_effort(max_evaluations: int, tolerance: float) -> None:
@@ -45,7 +43,7 @@ def search(
     start: Array,
     max_evaluations: int,
     tolerance: float,
-    minimise: Minimiser = trust_region,
+    minimise: Minimiser = damped_gauss_newton,
 ) -> SearchResult:
     """Return the minimum from `start` (p,): compiled code for large problems of springs.
 
@@ -65,12 +63,25 @@ def search(
     return frozen_search(problem, start, network, max_evaluations, tolerance, minimise)
 
 
+def exact_search(
+    problem: FitProblem,
+    start: Array,
+    max_evaluations: int,
+    tolerance: float,
+    minimise: Minimiser = damped_gauss_newton,
+) -> SearchResult:
+    """Search with exact residuals and derivatives, equilibria computed anew at every point."""
+    loss = None if problem.loss == "linear" else problem.robust
+    objective = Residuals(problem.evaluate, loss)
+    return minimise(problem, objective, start, max_evaluations, tolerance)
+
+
 def search_or_reason(
     problem: FitProblem,
     start: Array,
     max_evaluations: int,
     tolerance: float,
-    minimise: Minimiser = trust_region,
+    minimise: Minimiser = damped_gauss_newton,
 ) -> SearchResult:
     """Return what a search came to, or why it could not begin or go on.
 

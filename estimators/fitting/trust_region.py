@@ -1,4 +1,4 @@
-"""Searches about ln theta by scipy: what is minimised, and Gauss-Newton in a trust region."""
+"""Searches about ln theta: what is minimised, and Gauss-Newton in a trust region, by scipy."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,13 +6,14 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from estimators.fitting.fit_problem import FitProblem
-from robotmodels.common.arrays import Array
+from robotmodels.common.arrays import Array, BoolArray
 from robotmodels.common.errors import IdentificationError
+from robotmodels.linear.normal_equations import NormalEquations
 from robotmodels.linear.response import Elastic
 
 START_FAILED = -1
 STOPPED = -2
+OUT_OF_EVALUATIONS = "The maximum number of function evaluations is exceeded"
 
 
 Loss = Callable[[Array], Array]
@@ -55,15 +56,10 @@ class Bounded(Protocol):
 
 
 class Objective(Protocol):
-    """A cost, as squares of residuals or with its gradient alone."""
+    """A cost with its gradient, or with Gauss-Newton's matrix too."""
 
-    @property
-    def loss(self) -> Loss | None:
-        """Loss of squared residuals, with its derivatives; none where None."""
-        ...
-
-    def __call__(self, values: Array) -> tuple[Array, Array]:
-        """Return residuals (r,) and their Jacobian by ln theta (r, p) at `values` (p,)."""
+    def normal_equations(self, values: Array) -> NormalEquations:
+        """Return the cost at `values` (p,), its gradient by ln theta and Gauss-Newton's matrix."""
         ...
 
     def gradient(self, values: Array) -> tuple[float, Array]:
@@ -73,7 +69,10 @@ class Objective(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Residuals:
-    """The objective that a function of residuals and Jacobian makes."""
+    """The objective that a function of residuals and Jacobian makes.
+
+    Its normal equations are those of the squares, without a loss.
+    """
 
     evaluate: Callable[[Array], tuple[Array, Array]]
     loss: Loss | None = None
@@ -81,6 +80,11 @@ class Residuals:
     def __call__(self, values: Array) -> tuple[Array, Array]:
         """Return residuals (r,) and their Jacobian by ln theta (r, p) at `values` (p,)."""
         return self.evaluate(values)
+
+    def normal_equations(self, values: Array) -> NormalEquations:
+        """Return the cost at `values` (p,), its gradient by ln theta and Gauss-Newton's matrix."""
+        r, J = self.evaluate(values)
+        return NormalEquations(float(r @ r), 2 * J.T @ r, 2 * J.T @ J)
 
     def gradient(self, values: Array) -> tuple[float, Array]:
         """Return the cost and its gradient by ln theta (p,) at `values` (p,)."""
@@ -116,7 +120,7 @@ class _Point:
     region reaches, by rounding: p more residuals, all zero, have a slope that holds it.
     """
 
-    def __init__(self, evaluate: Objective, reference: Array) -> None:
+    def __init__(self, evaluate: Residuals, reference: Array) -> None:
         self.evaluate = evaluate
         self.reference = reference
         self.evaluations = 0
@@ -146,16 +150,12 @@ class _Point:
 
 def trust_region(
     problem: Bounded,
-    objective: Objective,
+    objective: Residuals,
     start: Array,
     max_evaluations: int,
     tolerance: float,
-    curvature: Curvature | None = None,
 ) -> SearchResult:
-    """Minimise by Gauss-Newton steps, inside the problem's bounds; see `Minimiser`.
-
-    Curvature is that of the Jacobian: none is taken over from an earlier search, or handed on.
-    """
+    """Minimise by Gauss-Newton steps in a trust region, inside the problem's bounds."""
     from scipy.optimize import least_squares
 
     # About the start x = 0, so the first trust region is one e-fold whatever the units.
@@ -177,26 +177,12 @@ def trust_region(
         values=values,
         cost=2 * float(solution.cost),
         status=int(solution.status),
-        message=_message(problem, solution),
+        message=str(solution.message).rstrip(".") + at_bounds(problem, solution.active_mask != 0),
         evaluations=point.evaluations,
     )
 
 
-def exact_search(
-    problem: FitProblem,
-    start: Array,
-    max_evaluations: int,
-    tolerance: float,
-    minimise: Minimiser = trust_region,
-) -> SearchResult:
-    """Search with exact residuals and derivatives, equilibria computed anew at every point."""
-    loss = None if problem.loss == "linear" else problem.robust
-    objective = Residuals(problem.evaluate, loss)
-    return minimise(problem, objective, start, max_evaluations, tolerance)
-
-
-def _message(problem: Bounded, solution: Any) -> str:
-    names = problem.model.parameters.names
-    stuck = [name for name, side in zip(names, solution.active_mask, strict=True) if side]
-    at = f"; at a bound: {', '.join(stuck)}" if stuck else ""
-    return str(solution.message).rstrip(".") + at
+def at_bounds(problem: Bounded, there: BoolArray) -> str:
+    """Return the end of a message: which parameters (p,) are at a bound, if any."""
+    stuck = [name for name, so in zip(problem.model.parameters.names, there, strict=True) if so]
+    return f"; at a bound: {', '.join(stuck)}" if stuck else ""

@@ -1,4 +1,4 @@
-"""Full Gauss-Newton steps against the search in a trust region, which is their judge."""
+"""Gauss-Newton steps against the search in a trust region, which is their judge."""
 
 import numpy as np
 import pytest
@@ -7,12 +7,18 @@ from test_least_squares import MODEL, TRUTH, noisy
 from estimators import FrfExperiment, simulate_frf
 from estimators.fitting.fixed_equilibrium_search import can_compile, cost_kernel
 from estimators.fitting.frf_problem import frf_problem
-from estimators.fitting.gauss_newton import gauss_newton
-from estimators.fitting.search import search
-from estimators.fitting.trust_region import exact_search, trust_region
+from estimators.fitting.gauss_newton import (
+    damped_gauss_newton,
+    damped_step,
+    gained,
+    gauss_newton,
+)
+from estimators.fitting.search import exact_search, search
+from estimators.fitting.trust_region import Residuals
 from estimators.validation.simulated_experiment import RunSettings
 from robotmodels import InvalidInput, RelativeNoise, load_robot
 from robotmodels.linear.derived_models import with_fixed_equilibria
+from robotmodels.linear.normal_equations import NormalEquations
 
 NOISE = RelativeNoise(0.03, 0.01)
 
@@ -57,7 +63,7 @@ def test_fixed_equilibria_are_searched_once(robot, estimate):
     exact = exact_search(problem, truth, 200, 1e-12)
     std = standard_deviations(problem, truth)
     evaluations = []
-    for minimise in (trust_region, gauss_newton):
+    for minimise in (damped_gauss_newton, gauss_newton):
         outcome = search(problem, truth, 200, 1e-10, minimise)
         assert np.abs(np.log(outcome.values / exact.values) / std).max() < 1e-3
         assert outcome.cost == pytest.approx(exact.cost, rel=1e-9)
@@ -66,7 +72,7 @@ def test_fixed_equilibria_are_searched_once(robot, estimate):
 
 
 @pytest.mark.parametrize("factor", [3.0, 0.2])
-def test_a_trust_region_goes_on_from_far_starts(factor):
+def test_damped_steps_go_on_from_far_starts(factor):
     problem = frf_problem(MODEL, noisy(), "nls", "optimal")
     start = TRUTH * factor ** np.array([1, -1, 1, -1, 1, -1])
     expected = exact_search(problem, start, 200, 1e-10)
@@ -89,6 +95,63 @@ def test_few_evaluations_end_it():
     problem = frf_problem(MODEL, noisy(), "nls", "optimal")
     outcome = exact_search(problem, 1.5 * TRUTH, 2, 1e-10, gauss_newton)
     assert outcome.status == 0
+
+
+class Plain:
+    """The squares of an exact problem as normal equations, which are minimised by damped steps."""
+
+    def __init__(self, problem):
+        self.normal_equations = Residuals(problem.evaluate).normal_equations
+
+
+@pytest.mark.parametrize("residual", ["nls", "lls"])
+@pytest.mark.parametrize("seed", range(3))
+def test_damped_steps_end_where_a_trust_region_does(residual, seed):
+    problem = frf_problem(MODEL, noisy(seed), residual, "optimal")
+    start = TRUTH * np.exp(np.random.default_rng(seed).uniform(-0.7, 0.7, len(TRUTH)))
+    expected = exact_search(problem, start, 200, 1e-12)
+    outcome = damped_gauss_newton(problem, Plain(problem), start, 200, 1e-12)
+    assert outcome.status == 2
+    assert outcome.cost == pytest.approx(expected.cost, rel=1e-9)
+    apart = np.log(outcome.values / expected.values) / standard_deviations(problem, TRUTH)
+    assert np.abs(apart).max() < 1e-4
+
+
+def test_damped_steps_end_at_bounds_where_a_trust_region_does():
+    bounds = np.outer([0.5, 2.0], TRUTH)
+    bounds[0, 0], bounds[1, 3] = 1.1 * TRUTH[0], 0.95 * TRUTH[3]
+    problem = frf_problem(MODEL, noisy(), "nls", "optimal", bounds)
+    start = np.sqrt(bounds[0] * bounds[1])
+    expected = exact_search(problem, start, 500, 1e-12)
+    outcome = damped_gauss_newton(problem, Plain(problem), start, 500, 1e-12)
+    assert outcome.values[[0, 3]] == pytest.approx([bounds[0, 0], bounds[1, 3]])
+    assert outcome.values == pytest.approx(expected.values, rel=1e-5)
+    assert outcome.message.endswith(f"at a bound: {problem.names[0]}, {problem.names[3]}")
+
+
+def test_steps_are_those_of_the_normal_equations_unless_damped():
+    rng = np.random.default_rng(0)
+    slope, residual = rng.standard_normal((20, 4)), rng.standard_normal(20)
+    slope[:, 3] = 0.0  # not seen by the data
+    slope[:, 1] *= 1e6
+    normal = NormalEquations(residual @ residual, 2 * slope.T @ residual, 2 * slope.T @ slope)
+    everyone = np.full(4, True)
+    step = damped_step(normal, 0.0, everyone)
+    expected = np.linalg.lstsq(slope[:, :3], -residual)[0]
+    assert step == pytest.approx([*expected, 0.0], rel=1e-9)
+    ends = [residual @ residual, np.sum((residual + slope @ step) ** 2)]
+    assert gained(normal, step) == pytest.approx(ends[1] - ends[0])
+    held = damped_step(normal, 0.0, np.array([True, False, True, True]))
+    expected = np.linalg.lstsq(slope[:, [0, 2]], -residual)[0]
+    assert held == pytest.approx([expected[0], 0.0, expected[1], 0.0], rel=1e-9)
+
+
+def test_far_away_no_parameter_by_itself_moves_further_than_damping_lets_it():
+    gradient, curvature = np.array([1e3, -1e9, 1e-9]), np.array([1.0, 1e2, 1e3])
+    normal = NormalEquations(1.0, gradient, np.diag(curvature))
+    step = damped_step(normal, 0.5, np.full(3, True))
+    assert step[:2] == pytest.approx([-2.0, 2.0], rel=1e-2)
+    assert step[2] == pytest.approx(-1e-12)  # where slopes are small, steps are full
 
 
 def test_runs_that_share_a_kernel_give_the_same_bits(robot, estimate):

@@ -11,7 +11,7 @@ from estimators import RunSpectra
 from estimators.fitting import fixed_equilibrium_search
 from estimators.fitting.fixed_equilibrium_search import can_compile, frozen_search
 from estimators.fitting.run_problem import RunProblem
-from estimators.fitting.trust_region import exact_search
+from estimators.fitting.search import exact_search
 from robotmodels import ElasticRobot, InvalidInput
 from robotmodels.description.robot_file import RobotFile, read_robot_file
 
