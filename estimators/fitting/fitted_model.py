@@ -114,7 +114,7 @@ class FittedModel(ReprHtml, ABC):
         SolverFailed
             If the search could not begin.
         """
-        self._check_begun("intervals")
+        self.check_begun("intervals")
         from estimators.fitting.fit_trust import fit_trust  # loads Pinocchio, which a fit may spare
 
         return fit_trust(self)
@@ -140,7 +140,7 @@ class FittedModel(ReprHtml, ABC):
 
     @cached_property
     def _sandwich_parts(self) -> tuple[Array, Array]:
-        self._check_begun("covariance")
+        self.check_begun("covariance")
         bread, meat = self.problem.sandwich_parts(self.parameters.values)
         return read_only(bread), read_only(meat)
 
@@ -215,7 +215,14 @@ class FittedModel(ReprHtml, ABC):
         # The problem holds the data once more, and what was computed with them.
         return {name: value for name, value in self.__dict__.items() if name != "problem"}
 
-    def _check_begun(self, what: str) -> None:
+    def check_begun(self, what: str) -> None:
+        """Refuse what needs a fit whose search could not begin.
+
+        Raises
+        ------
+        SolverFailed
+            Naming `what`, with the reason.
+        """
         if not np.isfinite(self.cost):
             raise SolverFailed(f"no {what} without a fit: {self.message}")
 

@@ -29,7 +29,7 @@ from estimators.trust.linearised_fit import LinearisedFit, Lines
 from estimators.trust.residual_size import line_probabilities
 from estimators.trust.rule import find_correlation
 from robotmodels.common.arrays import Array, BoolArray, ComplexArray
-from robotmodels.common.errors import InvalidInput, SolverFailed
+from robotmodels.common.errors import InvalidInput
 from robotmodels.description.robot_file import Spring
 from robotmodels.elastic.possible_springs import possible_springs
 from robotmodels.elastic.robot import ElasticRobot
@@ -102,8 +102,7 @@ def fitted_robot(fit: FittedModel) -> ElasticRobot:
     """
     if not isinstance(fit, FittedModel):
         raise InvalidInput(f"fit: a {type(fit).__name__}; what estimators.fit returns is needed")
-    if not np.isfinite(fit.cost):
-        raise SolverFailed(f"no score tests without a fit: {fit.message}")
+    fit.check_begun("score tests")
     return underlying_robot(fit.model)
 
 

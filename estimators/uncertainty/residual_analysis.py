@@ -14,7 +14,7 @@ from estimators.trust.line_correlation import (
 )
 from estimators.trust.linearised_fit import LinearisedFit, Lines
 from robotmodels.common.arrays import IMPROBABLE, Array, IntArray
-from robotmodels.common.errors import InvalidInput, SolverFailed
+from robotmodels.common.errors import InvalidInput
 from robotmodels.common.printing import ReprHtml
 
 LAGS = 5
@@ -95,8 +95,7 @@ def residual_analysis(fit: FittedModel, lags: int = LAGS) -> ResidualAnalysis:
     SolverFailed
         If the search could not begin.
     """
-    if not np.isfinite(fit.cost):
-        raise SolverFailed(f"no residuals without a fit: {fit.message}")
+    fit.check_begun("residuals")
     problem = fit.problem
     frequencies = len(problem.omega)
     if not 1 <= lags < max(frequencies, 2):  # a single line has no neighbour

@@ -14,6 +14,7 @@ from oed.design.column_generation import GeneratedDesign, generate_columns
 from oed.design.free_spectra import FreeSpectra
 from oed.design.spectral_oracle import SpectralOracle
 from oed.information_sets.excitations import UserSpectrum
+from oed.information_sets.matrix_checks import candidate_rows
 from robotmodels.common.arrays import (
     Array,
     ComplexArray,
@@ -21,7 +22,6 @@ from robotmodels.common.arrays import (
     check_above_zero,
     one_or_each,
     read_only,
-    real_numbers,
 )
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.printing import ReprHtml
@@ -178,7 +178,7 @@ def optimal_spectra(
         raise InvalidInput("robot: no sample given; at least one is needed")
     if len(robots) == 1:
         _check_estimated(robots[0])
-    positions, lines = _checked(positions), check_omega(omega)
+    positions, lines = candidate_rows(positions), check_omega(omega)
     n = positions.shape[1]
     levels = _limits(torque, n, "torque")
     if not line_cap >= 1:
@@ -194,14 +194,6 @@ def optimal_spectra(
 
     objective = _objective(criterion, sets, kind, solved)
     return _result(sets, solved(objective), objective, prior)
-
-
-def _checked(positions: Array) -> Array:
-    """Return candidate positions, (Q, n), at least one."""
-    positions = np.atleast_2d(real_numbers(positions, "positions"))
-    if positions.size == 0:
-        raise InvalidInput("positions: none given; at least one candidate position is needed")
-    return positions
 
 
 def _objective(

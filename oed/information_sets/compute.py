@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Protocol, TypeVar, overload
 import numpy as np
 
 from oed.information_sets.information_set import InformationSet
+from oed.information_sets.matrix_checks import candidate_rows
 from robotmodels.common.arrays import Array, check_memory
 from robotmodels.common.deprecation import renamed_keywords
 from robotmodels.common.errors import InvalidInput
@@ -184,9 +185,7 @@ def information(
     NoEquilibrium
         If the springs cannot carry the robot's weight in a position.
     """
-    positions = np.atleast_2d(np.asarray(positions, dtype=float))
-    if positions.size == 0:
-        raise InvalidInput("positions: none given; at least one candidate position is needed")
+    positions = candidate_rows(positions)
     names = robot.parameters.names
     if store is None:
         needed = 8.0 * len(positions) * len(names) ** 2

@@ -12,6 +12,7 @@ from oed.information_sets.candidates import Candidates, InformationSamples
 from oed.information_sets.compute import ChunkInformation, Prepared, counted, in_chunks
 from oed.information_sets.excitations import Excitation, VisitTiming, checked_excitations
 from oed.information_sets.information_set import InformationSet
+from oed.information_sets.matrix_checks import candidate_rows
 from robotmodels.common.arrays import (
     Array,
     ComplexArray,
@@ -205,9 +206,7 @@ def experiment_candidates(
     NoEquilibrium
         If the springs cannot carry the robot's weight in a position.
     """
-    positions = np.atleast_2d(np.asarray(positions, dtype=float))
-    if positions.size == 0:
-        raise InvalidInput("positions: none given; at least one candidate position is needed")
+    positions = candidate_rows(positions)
     if not hasattr(noise, "output_error"):
         raise InvalidInput(
             f"noise: {type(noise).__name__} does not separate errors of torques from those of "

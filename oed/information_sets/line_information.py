@@ -5,6 +5,7 @@ import numpy as np
 import estimators
 from oed.information_sets.compute import information
 from oed.information_sets.information_set import InformationSet
+from oed.information_sets.matrix_checks import candidate_rows
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import InvalidInput
 from robotmodels.elastic.robot import ElasticRobot
@@ -42,14 +43,12 @@ def sensor_information(
     NoEquilibrium
         If the springs cannot carry the robot's weight in a position.
     """
-    positions, omega = np.atleast_2d(np.asarray(positions, dtype=float)), check_omega(omega)
+    positions, omega = candidate_rows(positions), check_omega(omega)
     encoders = [i for i, o in enumerate(robot.outputs) if o.kind == "motor" and o.encoder]
     others = [i for i in range(len(robot.outputs)) if i not in encoders]
     if not (others and encoders):
         missing = "outputs beside motors' encoders" if encoders else "motor encoders"
         raise InvalidInput(f"robot {robot.name!r} has no {missing}; name some in its file")
-    if not positions.size:
-        raise InvalidInput("positions: none given; at least one candidate position is needed")
     rows = [encoders, *([i] for i in others)]
     parts = []
     for start in range(0, len(positions), _PART):

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robotmodels.common.arrays import Array
+from robotmodels.common.arrays import Array, real_numbers
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.symmetric_matrices import SPREAD, unit_diagonal_scaling
 
@@ -11,6 +11,20 @@ _SYMMETRY_TOLERANCE = 1e-9
 _MOST_SCALED = 1e100
 _PART = 64
 """Matrices that are checked at once: they stay in the cache."""
+
+
+def candidate_rows(positions: ArrayLike) -> Array:
+    """Return candidate positions, (Q, n), at least one.
+
+    Raises
+    ------
+    InvalidInput
+        If there is none, or one is no real number.
+    """
+    rows = np.atleast_2d(real_numbers(positions, "positions", copy=False))
+    if rows.size == 0:
+        raise InvalidInput("positions: none given; at least one candidate position is needed")
+    return rows
 
 
 def check_positions(positions: Array) -> None:

@@ -115,7 +115,7 @@ def _fit(test: "HammerTest", hits: Path, prior: "Prior | None") -> "Fit":
 
 def _summary(fit: "Fit", prior: "Prior | None", written: Path) -> str:
     from reports.sections.verdict import interval_words
-    from reports.summaries.columns import hung, plain, plural
+    from reports.summaries.columns import described, plain, plural
 
     beside = "alone"
     if prior is not None:
@@ -131,11 +131,7 @@ def _summary(fit: "Fit", prior: "Prior | None", written: Path) -> str:
         ("verdict", f"{fit.verdict}: {fit.verdict.reason}"),
         ("written", str(written)),
     ]
-    width = max(len(name) for name, _ in lines)
-    printed = []
-    for name, words in lines:
-        printed += hung(f"  {name:<{width}}  ", words, width + 4)
-    return "\n".join(printed)
+    return "\n".join(described(lines))
 
 
 def _json(fit: "Fit", prior: "Prior | None", written: Path) -> dict[str, object]:

@@ -197,7 +197,7 @@ def _summary(
     loops: list[str],
 ) -> str:
     from reports.sections.verdict import interval_words
-    from reports.summaries.columns import hung, plain
+    from reports.summaries.columns import described, plain
     from reports.summaries.friction_levels import level_words
 
     ratio = fit.cost / fit.expected_cost
@@ -213,11 +213,7 @@ def _summary(
         ("verdict", f"{fit.verdict}: {fit.verdict.reason}"),
         ("written", str(written)),
     ]
-    width = max(len(name) for name, _ in lines)
-    printed = [getattr(fit.model, "name", "model")]
-    for name, words in lines:
-        printed += hung(f"  {name:<{width}}  ", words, width + 4)
-    return "\n".join(printed)
+    return "\n".join([getattr(fit.model, "name", "model"), *described(lines)])
 
 
 def _json(

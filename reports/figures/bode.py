@@ -4,13 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import LogLocator
 
 from reports.figures.notebook_figure import NotebookFigure
 from reports.figures.palette import Drawing, Palette
 from reports.figures.response_panels import unbroken
+from reports.figures.ticks import plain_logarithm, plain_ticks
 from robotmodels.common.arrays import Array, ComplexArray
 
 
@@ -74,8 +74,7 @@ def _measured(
     phase.set(ylim=(-185, 185), yticks=(-180, 0, 180))
     plain_logarithm(phase.xaxis)
     level.yaxis.set_major_locator(LogLocator(numticks=4))
-    level.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
-    level.yaxis.set_minor_formatter(NullFormatter())
+    plain_ticks(level.yaxis)
 
 
 def _modelled(
@@ -93,10 +92,3 @@ def _modelled(
     level.plot(hertz, np.abs(response), color=palette.second, lw=1.2)
     x, turns = unbroken(hertz, np.angle(response))
     phase.plot(x, np.degrees(turns), color=palette.second, lw=1.2)
-
-
-def plain_logarithm(axis: Axis) -> None:
-    """Write a logarithmic axis in plain figures, at 1, 2 and 5 of each decade."""
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_formatter(NullFormatter())

@@ -1,12 +1,13 @@
 """Figures of a campaign: accuracies over minutes, and which motor is shaken on which line."""
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from reports.figures.palette import Drawing, Palette
+from reports.figures.ticks import plain_logarithm
 from reports.figures.uncertainty_figures import parameter_groups
 from reports.text import significant
 from robotmodels.common.arrays import Array
@@ -33,9 +34,7 @@ def accuracies(names: Sequence[str], minutes: Array, ratios: Array) -> Drawing:
                 (curve,) = axes.plot(minutes, ratios[:, i], ".-", color=colour, lw=1.0, ms=5)
                 curve.set_label("_" if k else kind)
         axes.set(yscale="log", xlim=(0, 1.05 * float(minutes[-1])))
-        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda x, _: significant(x, 1)))
-        axes.yaxis.set_minor_formatter(NullFormatter())
+        plain_logarithm(axes.yaxis, partial(significant, digits=1))
         axes.set(xlabel="robot time [min]", ylabel="standard deviation over target")
         axes.grid(True, axis="y")
         figure.legend(loc="outside upper right", ncols=3)

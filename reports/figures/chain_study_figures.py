@@ -1,17 +1,19 @@
 """Figures 2 to 5 of [HBH] drawn anew: direct and cross responses with what is read off them."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import combinations
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import MaxNLocator
 
 from estimators.chains.modal_model import modal_response
 from oed.chain_study.run_chain_study import ChainStudyResults, controlled_response
 from reports.figures.frf_figures import decibels
 from reports.figures.palette import Palette
+from reports.figures.ticks import plain_logarithm, plain_ticks
 from reports.text import fixed
 from robotmodels.common.arrays import Array
 
@@ -81,11 +83,9 @@ def _panels(results: ChainStudyResults, count: int) -> tuple[Figure, list[Axes]]
         axes.set_axisbelow(True)
         axes.set_xscale("log")
         axes.set_xlim(0.9 * _first(results), 1.12 * results.responses.omega[-1])
-        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 3, 5)))
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
-        axes.xaxis.set_minor_formatter(NullFormatter())
+        plain_logarithm(axes.xaxis, subs=(1, 2, 3, 5))
         axes.yaxis.set_major_locator(MaxNLocator(6))
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: fixed(y, 0)))
+        plain_ticks(axes.yaxis, partial(fixed, decimals=0))
         axes.set_ylabel("dB of 1/kg", size=9)
     panels[-1, 0].set_xlabel("angular frequency [rad/s]", size=9)
     return figure, list(panels.flat)

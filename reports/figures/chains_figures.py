@@ -1,16 +1,18 @@
 """Figures of identified chains: poles and zeros under the FRF of each motor."""
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import MaxNLocator
 
 from estimators.chains.modal_model import modal_response
 from estimators.chains.modes import FittedModes
 from reports.figures.frf_figures import decibels
 from reports.figures.palette import Palette
+from reports.figures.ticks import plain_logarithm, plain_ticks
 from reports.text import fixed
 from robotmodels.common.arrays import Array, ComplexArray
 
@@ -98,8 +100,6 @@ def _curve(axes: Axes, omega: Array, response: ComplexArray, palette: Palette) -
         omega / (2 * np.pi), decibels(np.abs(response)), ".", color=palette.accent, ms=size, mew=0
     )
     axes.set_xscale("log")
-    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
-    axes.xaxis.set_minor_formatter(NullFormatter())
+    plain_logarithm(axes.xaxis)
     axes.yaxis.set_major_locator(MaxNLocator(5))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: fixed(y, 0)))
+    plain_ticks(axes.yaxis, partial(fixed, decimals=0))

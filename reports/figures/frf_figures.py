@@ -1,14 +1,16 @@
 """Figures of measured FRFs beside their panels: what moves between the excited lines."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
+from matplotlib.ticker import MaxNLocator
 
 from estimators.frf.distortion import Distortion
 from reports.figures.palette import Palette
+from reports.figures.ticks import plain_ticks
 from reports.text import fixed
 from robotmodels.common.arrays import Array
 
@@ -58,10 +60,9 @@ def _panel(
             y = decibels(level[position, :, output])
             axes.plot(f, y, marker, color=colour, ms=2.8, mew=0.8)
     axes.set_xscale("log")
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
-    axes.xaxis.set_minor_formatter(NullFormatter())
+    plain_ticks(axes.xaxis)
     axes.yaxis.set_major_locator(MaxNLocator(5))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: fixed(y, 0)))
+    plain_ticks(axes.yaxis, partial(fixed, decimals=0))
 
 
 def _range(distortion: Distortion, position: int) -> tuple[float, float]:

@@ -7,10 +7,10 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from estimators.validation.predict_tool import ToolPrediction
 from reports.figures.palette import Drawing, Palette
+from reports.figures.ticks import plain_logarithm
 from reports.text import significant
 from robotmodels.elastic.tool_response import MOTIONS
 
@@ -84,11 +84,5 @@ def workspace(prediction: ToolPrediction) -> Drawing:
 
 def _plain_ticks(axes: Axes) -> None:
     """Label logarithmic axes with plain numbers."""
-    for axis, subs, digits in ((axes.xaxis, (1.0, 2.0, 5.0), 2), (axes.yaxis, (1.0,), 1)):
-        axis.set_major_locator(LogLocator(subs=subs))
-        axis.set_major_formatter(FuncFormatter(partial(_tick, digits)))
-        axis.set_minor_formatter(NullFormatter())
-
-
-def _tick(digits: int, value: float, _: int) -> str:
-    return significant(value, digits)
+    plain_logarithm(axes.xaxis, partial(significant, digits=2))
+    plain_logarithm(axes.yaxis, partial(significant, digits=1), (1.0,))

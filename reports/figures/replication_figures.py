@@ -1,12 +1,13 @@
 """Figures 3 to 8 of [WM] from a study's models; each returns its drawing."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from oed.replication.six_estimators import (
     BEST_COUNT,
@@ -16,6 +17,7 @@ from oed.replication.six_estimators import (
     Evaluation,
 )
 from reports.figures.palette import Palette
+from reports.figures.ticks import plain_logarithm, plain_ticks
 from reports.text import fixed, significant
 from robotmodels.common.arrays import Array, ComplexArray
 
@@ -54,9 +56,7 @@ def costs(evaluation: Evaluation, normalised: Array, label: str, limit: bool = F
         axes.set_xlabel("optimisation, sorted by cost")
         axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
         axes.set_ylabel(label)
-        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: significant(y, 2)))
-        axes.yaxis.set_minor_formatter(NullFormatter())
+        plain_logarithm(axes.yaxis, partial(significant, digits=2))
         _key(key, axes)
         return figure
 
@@ -155,8 +155,7 @@ def _parameter_panel(
         axes.plot(number, values, label=label, **_line(k, palette))
     axes.set(yscale="log", ylim=(_LOWEST, _HIGHEST), xlim=(1, max(len(number), 2)))
     axes.xaxis.set_major_locator(MaxNLocator(4, integer=True))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: significant(y, 1)))
-    axes.yaxis.set_minor_formatter(NullFormatter())
+    plain_ticks(axes.yaxis, partial(significant, digits=1))
 
 
 def _style(name: str, palette: Palette) -> dict[str, Any]:

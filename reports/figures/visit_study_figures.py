@@ -1,13 +1,13 @@
 """Figures of a study of visits: accuracy against minutes, and which motor shakes on which line."""
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
-from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from reports.figures.palette import Drawing, Palette
+from reports.figures.ticks import plain_logarithm
 from reports.text import significant
 from robotmodels.common.arrays import Array, ComplexArray
 
@@ -35,8 +35,8 @@ def deviations_over_minutes(times: Array, std: Array, names: Sequence[str], ylab
             colour = palette.accent if ".stiffness" in name else palette.second
             axes.plot(times / 60, values, color=colour, lw=1.0, marker="o", ms=3)
         axes.set(xscale="log", yscale="log", xlabel="robot time [min]", ylabel=ylabel)
-        _plain_ticks(axes.yaxis)
-        _plain_ticks(axes.xaxis)
+        plain_logarithm(axes.yaxis, partial(significant, digits=1))
+        plain_logarithm(axes.xaxis, partial(significant, digits=1))
         axes.set_xticks(times / 60, [significant(float(t) / 60, 2) for t in times])
         return figure
 
@@ -64,15 +64,8 @@ def motors_on_lines(omega: Array, spectrum: ComplexArray, motors: Sequence[str])
             axes.vlines(omega / (2 * np.pi), 0, values, color=palette.accent, lw=1.0)
             axes.set(ylim=(0, None), xscale="log")
             axes.set_ylabel(name, rotation=0, ha="right", va="center")
-            _plain_ticks(axes.xaxis)
+            plain_logarithm(axes.xaxis, partial(significant, digits=1))
         rows[-1].set_xlabel("frequency [Hz]")
         return figure
 
     return draw
-
-
-def _plain_ticks(axis: Axis) -> None:
-    """Mark 1, 2 and 5 of each decade in plain numbers."""
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axis.set_major_formatter(FuncFormatter(lambda x, _: significant(x, 1)))
-    axis.set_minor_formatter(NullFormatter())

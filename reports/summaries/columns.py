@@ -82,6 +82,12 @@ def hung(first: str, words: str, indent: int = 4) -> list[str]:
     )
 
 
+def described(rows: Sequence[tuple[str, str]]) -> list[str]:
+    """Return names, aligned, with their words beside them, wrapped."""
+    width = max(len(name) for name, _ in rows)
+    return [line for name, words in rows for line in hung(f"  {name:<{width}}  ", words, width + 4)]
+
+
 def csv_text(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     """Return a table as CSV, numbers to nine digits."""
     lines = io.StringIO()

@@ -7,7 +7,7 @@ from estimators.deflection.fit_deflection import DeflectionFit
 from estimators.trust.intervals import Interval, interval_document
 from reports import text
 from reports.sections.verdict import interval_words
-from reports.summaries.columns import hung, plain
+from reports.summaries.columns import described, plain
 from robotmodels.common.plain_data import json_data
 
 
@@ -27,11 +27,7 @@ def deflection_summary(
         words = ", ".join(f"{name} {value:.0%}" for name, value in share.items())
         lines.append(("explained", f"of other movement {i}: {words}"))
     lines += [("written", str(path)) for path in written]
-    width = max(len(name) for name, _ in lines)
-    printed = [fit.start.name]
-    for name, words in lines:
-        printed += hung(f"  {name:<{width}}  ", words, width + 4)
-    return "\n".join(printed)
+    return "\n".join([fit.start.name, *described(lines)])
 
 
 def _value(one: Interval) -> str:

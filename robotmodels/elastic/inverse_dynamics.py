@@ -9,6 +9,7 @@ from robotmodels.common.arrays import Array
 from robotmodels.description.robot_file import Payload
 from robotmodels.elastic.arm import Arm
 from robotmodels.elastic.dynamics import gravity_torques
+from robotmodels.elastic.rigid_pose import unloaded
 from robotmodels.elastic.robot import ElasticRobot
 
 
@@ -42,7 +43,7 @@ def movement_torques(
 ) -> MovementTorques:
     """Return the torques behind a movement of the joints, each of the arrays (N, n)."""
     payload, drives = robot.file.payload, robot.layout.drives
-    movement = [_coordinates(robot, part) for part in (positions, velocities, accelerations)]
+    movement = [unloaded(robot, part) for part in (positions, velocities, accelerations)]
     joints = [_joints(robot.arm, part, i == 0) for i, part in enumerate(movement)]
     total, balance = _torques(robot.arm, joints), _balance(robot.arm, joints[0])
     friction = _friction(robot, movement[1], total + balance)
@@ -59,12 +60,6 @@ def movement_torques(
 def _with_mass(robot: ElasticRobot, payload: Payload, mass: float) -> Arm:
     heavier = payload.model_copy(update={"mass": mass})
     return ElasticRobot(robot.file.model_copy(update={"payload": heavier}), robot.folder).arm
-
-
-def _coordinates(robot: ElasticRobot, values: Array) -> Array:
-    coordinates = np.zeros((len(values), robot.layout.arm_size))
-    coordinates[:, robot.layout.drives] = values
-    return coordinates
 
 
 def _joints(arm: Arm, coordinates: Array, angles: bool) -> Array:
