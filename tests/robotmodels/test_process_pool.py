@@ -9,11 +9,12 @@ import time
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
+from multiprocessing import forkserver
 
 import pytest
 
 from robotmodels import ProcessPool
-from robotmodels.common.process_pool import behind_others
+from robotmodels.common.process_pool import behind_others, elsewhere
 
 
 def square_unless_killed(folder, number, deaths):
@@ -45,6 +46,10 @@ class BrokenAtOnce:
 def wait_for(path):
     while not path.exists():
         time.sleep(0.01)
+
+
+def process_id(_):
+    return os.getpid()
 
 
 def noted(path, name):
@@ -103,6 +108,23 @@ def test_the_pool_ends_its_own_processes_only():
     other.terminate()
     other.join()
     assert alive
+
+
+def test_processes_have_the_modules_they_are_to_load():
+    with ProcessPool(1, modules=("wave",)) as pool:
+        assert pool.submit(eval, "'wave' in __import__('sys').modules").result()
+    assert elsewhere(None, sorted, [2, 1], reverse=True) == [2, 1]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="processes are copies of one on Linux only")
+def test_work_goes_on_without_the_process_that_others_are_copies_of():
+    with ProcessPool(2) as pool:
+        first = set(pool.map(process_id, range(2)))
+        os.kill(forkserver._forkserver._forkserver_pid, signal.SIGKILL)
+        assert pool.submit(process_id, 0).result(timeout=300) not in {os.getpid()}
+        for process in first & set(pool._pool._processes):
+            os.kill(process, signal.SIGKILL)
+        assert list(pool.map(abs, (-1, -2, -3))) == [1, 2, 3]
 
 
 SCRIPT = """
