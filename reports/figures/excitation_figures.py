@@ -64,8 +64,8 @@ def excitation(run: Run, motors: Sequence[str], limits: Mapping[str, Array]) -> 
     return Panels((8.2, 0.7 + 1.05 * len(motors)), rows)
 
 
-def halves(panels: Panels) -> tuple[Panels, Panels]:
-    """Return the left and the right half of the panels, which narrow screens show in two rows."""
+def halves(id: str, panels: Panels) -> list[tuple[str, Panels, str]]:
+    """Return ids, panels and titles of the left and the right half, two rows on narrow screens."""
     width, height = panels.size
     left = [row[:2] for row in panels.rows]
     right = [[*row[2:]] for row in panels.rows]
@@ -73,7 +73,15 @@ def halves(panels: Panels) -> tuple[Panels, Panels]:
         if row[0] and beside[0]:
             motor = row[0].y.label.split("\n")[0]
             beside[0] = replace(beside[0], y=replace(beside[0].y, label=motor))
-    return Panels((width / 2, height), left), Panels((width / 2, height), right)
+    half = width / 2, height
+    return [
+        (id, Panels(half, left), "Torque and speed of each motor in time"),
+        (
+            f"{id}-angles",
+            Panels(half, right),
+            "Angle of each motor in time, and spectrum of its torque",
+        ),
+    ]
 
 
 def _row(run: Run, i: int, motor: str, limits: Mapping[str, Array], *, last: bool) -> list[Panel]:

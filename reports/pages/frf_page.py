@@ -29,7 +29,6 @@ from reports.page_elements import (
     percent_cell,
     table,
 )
-from reports.sections.experiment import signal_figures
 from reports.summaries.frf_summary import excess, loop_words, ranked, relative_std
 from robotmodels.common.arrays import Array
 from robotmodels.common.atomic_files import write_text
@@ -245,7 +244,8 @@ def _first_run(measurement: MeasuredFrf) -> list[Figure]:
     shown = excitation_figures.run_of(records)
     if not (np.isfinite(shown.torque).all() and np.isfinite(shown.angle).all()):
         return []
-    return signal_figures("first-run", excitation_figures.excitation(shown, motors, {}))
+    drawing = excitation_figures.excitation(shown, motors, {})
+    return [figure(*half) for half in excitation_figures.halves("first-run", drawing)]
 
 
 def _loops(measurement: MeasuredFrf) -> list[str]:

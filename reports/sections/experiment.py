@@ -12,7 +12,6 @@ from oed.study.stages.experiment import SimulatedExperiment
 from reports import text
 from reports.figures import excitation_figures
 from reports.figures.excitation_figures import run_of
-from reports.figures.panels import Panels
 from reports.page_elements import (
     Cell,
     Column,
@@ -66,16 +65,7 @@ def excitation(results: StudyResults, experiment: SimulatedExperiment | None) ->
             [m.gear_ratio for m in results.robot.file.motors]
         )
     drawing = excitation_figures.excitation(run_of(records), results.robot.motor_names, limits)
-    return signal_figures("excitation", drawing)
-
-
-def signal_figures(id: str, drawing: Panels) -> list[Figure]:
-    """Return the halves of a drawing of `excitation_figures.excitation`."""
-    left, right = excitation_figures.halves(drawing)
-    return [
-        figure(id, left, "Torque and speed of each motor in time"),
-        figure(f"{id}-angles", right, "Angle of each motor in time, and spectrum of its torque"),
-    ]
+    return [figure(*half) for half in excitation_figures.halves("excitation", drawing)]
 
 
 def peak_table(o: Outcome, motors: tuple[str, ...]) -> Table:
