@@ -7,6 +7,9 @@ const label = () => {
   document.querySelectorAll("[role=dialog]:not([aria-label])").forEach((one) => {
     one.setAttribute("aria-label", one.matches(".md-search") ? "Search" : "Message");
   });
+  document.querySelectorAll(".md-typeset__scrollwrap:not([tabindex])").forEach((one) => {
+    one.tabIndex = 0; // the keyboard scrolls a wide table
+  });
   document.querySelectorAll(".formula:not([tabindex])").forEach((one) => {
     one.tabIndex = 0;
   });

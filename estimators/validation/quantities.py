@@ -151,6 +151,17 @@ class DampingRatios:
         return rows
 
 
+def free_modes(model: Elastic, positions: Array, parameters: Array) -> Array:
+    """Return undamped resonances [rad/s] and damping ratios with free motors, (Q, 2, k), of k <= 4.
+
+    A damping ratio is not a number where fewer modes oscillate.
+    """
+    linear = model.network(positions, parameters).linear_model()
+    frequencies = Resonances(4, "free").of(linear)
+    ratios = DampingRatios(frequencies.shape[1], "free").of(linear)
+    return np.stack([frequencies, ratios], axis=1)
+
+
 def _with_motors(linear: LinearModel, motors: str) -> LinearModel:
     if motors not in ("clamped", "free"):
         raise InvalidInput(f"motors {motors!r}: clamped or free is needed")

@@ -75,7 +75,8 @@ def workspace(prediction: ToolPrediction) -> Drawing:
             axes = figure.add_subplot(3, 2, k + 1)
             dots = axes.scatter(np.hypot(x, y), z, c=value, s=18, cmap=scale)
             dots.set(edgecolors=palette.muted, linewidths=0.4)
-            axes.set(title=title, xlabel="from the base's axis [m]", ylabel="height [m]")
+            axes.set(title=title, xlabel="from the base's axis [m]")
+            axes.set_ylabel("" if k % 2 else "height [m]")
             figure.colorbar(dots, ax=axes)
         return figure
 

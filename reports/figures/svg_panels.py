@@ -218,7 +218,7 @@ def _words(x: float, y: float, words: str, anchor: str, colour: str) -> str:
 def _turned(x: float, y: float, words: str) -> str:
     """Return a label along an upright axis."""
     return (
-        f'<text class="turned" transform="translate({x:.1f} {y:.1f}) rotate(-90)" '
+        f'<text transform="translate({x:.1f} {y:.1f}) rotate(-90)" '
         f'font-size="{_SIZE:g}" fill="var(--muted)" text-anchor="middle">{escape(words)}</text>'
     )
 

@@ -6,10 +6,12 @@ from markupsafe import Markup
 
 from estimators.trust.trust import Trust
 from estimators.validation.predict_tool import ToolPrediction
+from reports import text
 from reports.figures.prediction_figures import driving_point, workspace
 from reports.page_elements import Figure, Section, Table, figure, filled, page
 from reports.sections.tool import prediction_table
 from reports.sections.verdict import bands_banner
+from robotmodels.common.arrays import Array
 from robotmodels.common.atomic_files import write_text
 
 _SHOWN = 6
@@ -63,10 +65,14 @@ def _responses(prediction: ToolPrediction, count: int) -> list[Figure]:
             driving_point(prediction, i),
             alt,
             caption=caption,
-            label=f"position {i + 1}: tool at {', '.join(f'{x:.2f}' for x in point)} m",
+            label=f"Position {i + 1}: tool at {_words(point)} m",
         )
         for i, point in enumerate(prediction.points[:count])
     ]
+
+
+def _words(point: Array) -> str:
+    return ", ".join(text.fixed(float(x), 2) for x in point)
 
 
 def _body(figures: list[Figure], shown: Table | None = None) -> Markup:

@@ -2,8 +2,11 @@
 
 from dataclasses import dataclass, replace
 
+import numpy as np
 from markupsafe import Markup
 
+from estimators.validation.predict import predict
+from estimators.validation.quantities import free_modes
 from oed.study.parts import DesignedPlan, MeasuredPlan
 from oed.study.results import FittedStudy, PlannedStudy, StudyResults
 from reports import text
@@ -16,7 +19,12 @@ from reports.sections.plan_labels import (
     position_units,
     prismatic,
 )
+from robotmodels.common.arrays import Array
+from robotmodels.common.errors import IdentificationError
 from robotmodels.elastic.mode_pictures import mode_movements
+
+_TOLD = 24
+"""Positions whose modes are told with their bands, at most: they take time."""
 
 
 @dataclass(frozen=True)
@@ -28,16 +36,18 @@ class Pose:
     drawing: Markup
     residuals: str = ""
     outlying: bool = False
+    modes: tuple[str, ...] = ()
 
 
 def section(results: PlannedStudy) -> Section:
     """Return the section."""
-    drawn = drawings(results)
+    drawn, modes = drawings(results), mode_words(results)
     body = filled(
         "positions.html.j2",
         results=results,
         tool=isinstance(results, StudyResults) and results.tool is not None,
-        poses=poses(results, drawn.drawings),
+        poses=poses(results, drawn.drawings, modes),
+        told=modes,
         bodies=drawn.bodies,
         positions=position_table(results),
     )
@@ -57,10 +67,39 @@ def drawings(results: PlannedStudy) -> RobotDrawings:
     return robot_drawings(robot, positions, alts, modes=modes)
 
 
-def poses(results: PlannedStudy, pictures: list[Markup]) -> list[Pose]:
+def mode_words(results: PlannedStudy) -> list[tuple[str, ...]]:
+    """Return what is said of the modes that are shown in each of the first positions.
+
+    Nothing without a fit, or where it leaves parameters open.
+    """
+    if not isinstance(results, FittedStudy):
+        return []
+    try:
+        modes = predict(results.fits.result, free_modes, results.plan.positions[:_TOLD])
+    except IdentificationError:
+        return []
+    factors = np.array([1 / (2 * np.pi), 100.0])[:, None]
+    ends = (factors * part for part in (modes.values.real, modes.lower, modes.upper))
+    return [
+        tuple(_mode_words(*position[:, k]) for k in range(position.shape[1]))
+        for position in np.stack([*ends], axis=-1)
+    ]
+
+
+def _mode_words(frequency: Array, damping: Array) -> str:
+    """Return the words of a mode: resonance [Hz] and damping [%] with the ends of their bands."""
+    hertz, percent = (text.value_and_ends(*map(float, one)) for one in (frequency, damping))
+    words = f"{hertz[0]} Hz ({hertz[1]})"
+    return f"{words}, damping {percent[0]} % ({percent[1]})" if np.isfinite(damping[0]) else words
+
+
+def poses(
+    results: PlannedStudy, pictures: list[Markup], modes: list[tuple[str, ...]]
+) -> list[Pose]:
     """Return the pictures of all positions with their numbers of experiments."""
+    told = [*modes, *[()] * (len(pictures) - len(modes))]
     shown = [
-        Pose(number, experiments(results, int(i)), drawing)
+        Pose(number, experiments(results, int(i)), drawing, modes=told[number - 1])
         for number, (i, drawing) in enumerate(
             zip(results.plan.used, pictures, strict=True), start=1
         )

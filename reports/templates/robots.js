@@ -268,7 +268,8 @@
       for (const { svg, modes } of robots) {
         const [frequency] = modes[moving.mode] ?? [];
         const told = svg.closest("figure")?.querySelector(".mode");
-        if (told) told.textContent = frequency === undefined ? "" : `${frequency} Hz, motors free`;
+        const words = parsed(told?.dataset.modes)[moving.mode] ?? `${frequency} Hz, motors free`;
+        if (told) told.textContent = frequency === undefined ? "" : words;
       }
       moving.playing = false;
       if (moving.mode < 0) draw();

@@ -320,7 +320,7 @@ def test_a_mode_moves_the_pictures_and_lets_go(desktop):
     choice.select_option("1")
     moved = drawn(desktop)
     assert all(now != then for now, then in zip(moved, at_rest, strict=True))
-    assert desktop.locator("#pose-1 .mode").text_content().endswith(" Hz, motors free")
+    assert " Hz (" in desktop.locator("#pose-1 .mode").text_content()
     choice.select_option("none")
     assert [numbers(one) for one in drawn(desktop)] == [
         pytest.approx(numbers(one), abs=0.002) for one in at_rest
@@ -428,3 +428,15 @@ def test_checks_can_fail(browser, tmp_path):
         assert page.locator("html").evaluate("e => e.scrollWidth") > PHONE[0]
         assert any(words.startswith("error:") for words in wrong)
         assert any(words.startswith("request: https://example.invalid") for words in wrong)
+
+
+def test_a_mode_that_moves_is_told_with_its_damping_and_intervals(desktop):
+    desktop.get_by_label("mode", exact=True).select_option("1")
+    told = desktop.locator("#pose-1 .mode").text_content()
+    desktop.get_by_label("mode", exact=True).select_option("0")
+    words = re.fullmatch(
+        r"([\d.]+) Hz \(([\d.]+) to ([\d.]+)\), damping ([\d.]+) % \(([\d.]+) to ([\d.]+)\)", told
+    )
+    hertz, low, high, damping, least, most = map(float, words.groups())
+    assert low < hertz < high < 1.1 * low
+    assert least < damping < most

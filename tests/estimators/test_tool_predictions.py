@@ -9,6 +9,7 @@ import estimators
 from estimators import DampingRatios, Resonances, ToolCompliance, ToolResponse, predict
 from estimators.validation import predict_workspace
 from estimators.validation.predict_tool import predict_tool
+from estimators.validation.quantities import free_modes
 from robotmodels import Frame, InvalidInput, RelativeNoise, save_robot
 from robotmodels.elastic.robot import ElasticRobot
 
@@ -178,3 +179,26 @@ def test_a_workspace_in_parts_is_predicted_as_a_whole(motors, monkeypatch) -> No
                 rtol=1e-9,
                 atol=1e-15,
             )
+
+
+def test_free_modes_and_their_bands_are_those_of_the_poles() -> None:
+    """Against the poles of the state-space matrix, and their scatter over draws."""
+    fit = fitted(3)
+    known = estimators.covariance(fit)
+    band = predict(fit, free_modes, ELSEWHERE, spread=known)
+    rng = np.random.default_rng(2)
+    draws = rng.multivariate_normal(np.log(fit.parameters.values), known.covariance, 400)
+
+    def ratios(theta: np.ndarray, position: np.ndarray) -> np.ndarray:
+        one = ROBOT.network(position[None], theta).linear_model().at(0)
+        A = np.linalg.solve(one.mass, np.hstack([-one.stiffness, -one.damping]))
+        poles = np.linalg.eigvals(np.vstack([np.eye(len(A), 2 * len(A), len(A)), A]))
+        slow_first = poles[np.argsort(np.abs(poles))][2 * one.inputs :]
+        return np.array([-p.real / abs(p) for p in slow_first if p.imag > 0])
+
+    for q, position in enumerate(ELSEWHERE):
+        expected = ratios(np.asarray(fit.parameters.values), position)
+        shown = band.values[q, 1, : len(expected)]
+        np.testing.assert_allclose(shown, expected[: len(shown)], rtol=1e-6)
+        drawn = np.log([ratios(np.exp(x), position)[0] for x in draws])
+        assert band.std[q, 1, 0] == pytest.approx(drawn.std(), rel=0.2)  # 3.5 % of scatter
