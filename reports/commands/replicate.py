@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING, TypeVar
 
 import typer
 
-from reports.commands.options import WORKERS, AsJson, Workers, say
+from reports.commands.options import WORKERS, AsJson, Workers
 from reports.commands.studies import (
     Cluster,
     Fresh,
     StudyFile,
+    answer_study,
     compute_study,
-    end_with_failures,
     read_study,
     working,
 )
@@ -46,13 +46,10 @@ def replicate(
             f"{study}: compare_with: missing; the published study to compare with is needed"
         )
     from oed.study.pipeline import fit_study
-    from reports.summaries.study_summary import study_json, study_summary
 
     results = compute_study(study, fit_study, workers, fresh, cluster=cluster)
     results = write_replication(study, results, workers, fresh, cluster)
-    written = [results.study.output / "published.html"]
-    say(lambda: study_summary(results, written), lambda: study_json(results, written), as_json)
-    end_with_failures(study, results)
+    answer_study(study, results, ["published.html"], as_json)
 
 
 def write_replication(

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from reports.commands.options import WORKERS, AsJson, Workers, about, say
-from reports.commands.studies import compute_study, end_with_failures
+from reports.commands.studies import answer_study, compute_study, end_with_failures
 from robotmodels.common.errors import InvalidInput
 
 
@@ -35,7 +35,6 @@ def report(
     from oed.study.stage_cache import Failure
     from reports.pages.comparison import comparison_json, comparison_summary, write_comparison
     from reports.pages.study_page import write_report
-    from reports.summaries.study_summary import study_json, study_summary
 
     def page(results: Any, folder: Path, progress: Any) -> tuple[Failure, ...]:
         return write_report(
@@ -46,9 +45,7 @@ def report(
         if output is not None:
             raise InvalidInput("--output: belongs to a comparison; a study's file says where")
         one = compute_study(studies[0], run_study, workers, False, page)
-        written = [one.study.output / "report.html"]
-        say(lambda: study_summary(one, written), lambda: study_json(one, written), as_json)
-        end_with_failures(studies[0], one)
+        answer_study(studies[0], one, ["report.html"], as_json)
         return
     results_by_name = {
         name: compute_study(path, run_study, workers, False)

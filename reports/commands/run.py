@@ -10,14 +10,14 @@ import typer
 
 from reports.commands.chain_study import compute_chain_study
 from reports.commands.deflection_study import compute_deflection_study
-from reports.commands.options import WORKERS, AsJson, Workers, say, warn
+from reports.commands.options import WORKERS, AsJson, Workers, warn
 from reports.commands.replicate import write_replication
 from reports.commands.studies import (
     Cluster,
     Fresh,
     StudyFile,
+    answer_study,
     compute_study,
-    end_with_failures,
     study_content,
     study_kind,
     warnings_to,
@@ -73,11 +73,7 @@ def run(
     warnings: list[str] = []
     with warnings_to(warnings.append):
         results = _computed(study, workers, cluster, fresh)
-    from reports.summaries.study_summary import study_json, study_summary
-
-    written = [results.study.output / "report.html"]
-    say(lambda: study_summary(results, written), lambda: study_json(results, written), as_json)
-    end_with_failures(study, results)
+    written = answer_study(study, results, ["report.html"], as_json)
     if last is not None:
         last.remember(results, _next_answer(results, written, warnings))
 

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from reports.commands.deflection_study import compute_deflection_study
-from reports.commands.options import WORKERS, AsJson, Workers, say
+from reports.commands.options import WORKERS, AsJson, Workers
 from reports.commands.studies import (
     Cluster,
     Fresh,
     StudyFile,
+    answer_study,
     compute_study,
-    end_with_failures,
     study_kind,
 )
 from reports.commands.visit_study import compute_visit_study
@@ -62,7 +62,6 @@ def _up_to(name: str) -> Callable[..., None]:
             compute_visit_study(study, as_json, with_page=False)
             return
         from oed.study import pipeline
-        from reports.summaries.study_summary import study_json, study_summary
 
         steps = {
             "design": pipeline.design_study,
@@ -71,9 +70,7 @@ def _up_to(name: str) -> Callable[..., None]:
         }
         pages = partial(_design_page, study) if name == "design" else None
         results = compute_study(study, steps[name], workers, fresh, pages, cluster=cluster)
-        written = [results.study.output / file for file in _WRITTEN[name]]
-        say(lambda: study_summary(results, written), lambda: study_json(results, written), as_json)
-        end_with_failures(study, results)
+        answer_study(study, results, _WRITTEN[name], as_json)
 
     return command
 

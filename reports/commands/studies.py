@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from reports.commands.options import about, fail, warn
+from reports.commands.options import about, fail, say, warn
 from reports.commands.stopping import INTERRUPTED, stoppable, stopping_at_steps
 from reports.commands.workers import one_thread_each, shared
 from robotmodels.common.errors import IdentificationError, InvalidInput
@@ -249,3 +249,18 @@ def end_with_failures(study: Path, results: "PlannedStudy") -> None:
     reasons = "; ".join(f"{one.name}: {one.reason}" for one in failures)
     remedy = "everything else is written; run the same command again to continue"
     fail(f"{study}: {reasons}; {remedy}", 2 if all(one.mistake for one in failures) else 1)
+
+
+def answer_study(
+    study: Path, results: "PlannedStudy", files: Sequence[str], as_json: bool
+) -> list[Path]:
+    """Say what was computed, and end with an error if something could not be.
+
+    Return the paths of the files, which lie in the study's output folder.
+    """
+    from reports.summaries.study_summary import study_json, study_summary
+
+    written = [results.study.output / file for file in files]
+    say(lambda: study_summary(results, written), lambda: study_json(results, written), as_json)
+    end_with_failures(study, results)
+    return written

@@ -137,23 +137,6 @@ def test_the_banner_counts_the_conclusions_and_axe_finds_no_violation(published)
     assert violations_of(output / "published.html") == []
 
 
-def test_a_comparison_without_all_six_estimators_is_refused(tmp_path):
-    study = PUBLISHED.replace(
-        "    - {name: LLS1U, residual: lls, weights: user, positions: best}\n", ""
-    )
-    code, _, err = oed("run", write_study(tmp_path, study, MODEL))
-    assert code == 2
-    assert "study.yaml: compare_with" in err
-    assert "LLS1U missing in fit.estimators" in err
-
-
-def test_an_estimator_name_twice_is_refused(tmp_path):
-    study = PUBLISHED.replace("name: LLS15O", "name: LLS15U")
-    code, _, err = oed("run", write_study(tmp_path, study, MODEL))
-    assert code == 2
-    assert "fit: estimators: the name 'LLS15U' is used twice" in err
-
-
 def test_the_study_is_put_beside_the_paper_again_without_computing(published):
     output = published / "results" / "here"
     before = json.loads((output / "published.json").read_text())
@@ -162,12 +145,6 @@ def test_the_study_is_put_beside_the_paper_again_without_computing(published):
     assert code == 0
     assert only_warnings(err)
     assert json.loads((output / "published.json").read_text()) == before
-
-
-def test_a_study_without_a_published_one_is_not_put_beside_it(tmp_path):
-    code, _, err = oed("replicate", write_study(tmp_path, STUDY, MODEL))
-    assert code == 2
-    assert "study.yaml: compare_with: missing" in err
 
 
 EXPERIMENT = """\
@@ -275,16 +252,44 @@ def test_less_excitation_is_measured_and_fitted(both):
     assert page.partition('id="minima-table"')[2].partition("</table>")[0].count("<tr") == 5
 
 
-def test_as_published_needs_an_experiment(tmp_path):
-    study = PUBLISHED + "as_published: true\n"
-    code, _, err = oed("replicate", write_study(tmp_path, study, MODEL))
+MISTAKES = {
+    "five estimators": (
+        "run",
+        PUBLISHED.replace(
+            "    - {name: LLS1U, residual: lls, weights: user, positions: best}\n", ""
+        ),
+        ("study.yaml: compare_with", "LLS1U missing in fit.estimators"),
+    ),
+    "a name twice": (
+        "run",
+        PUBLISHED.replace("name: LLS15O", "name: LLS15U"),
+        ("fit: estimators: the name 'LLS15U' is used twice",),
+    ),
+    "nothing published": ("replicate", STUDY, ("study.yaml: compare_with: missing",)),
+    "no experiment": (
+        "replicate",
+        PUBLISHED + "as_published: true\n",
+        ("as_published: it repeats the experiment",),
+    ),
+    "no comparison": (
+        "run",
+        STUDY + "as_published: true\n",
+        ("as_published: it belongs to a study with compare_with",),
+    ),
+    "too many blocks": (
+        "replicate",
+        PUBLISHED.replace(
+            "posterior", EXPERIMENT.replace("blocks: [2, 3]", "blocks: [2, 4]") + "posterior"
+        ),
+        ("local_minima: blocks: 4; the experiment has 3",),
+    ),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_studies_that_cannot_be_compared_are_refused(tmp_path, mistake):
+    command, study, said = MISTAKES[mistake]
+    code, _, err = oed(command, write_study(tmp_path, study, MODEL))
     assert code == 2
-    assert "as_published: it repeats the experiment" in err
-    code, _, err = oed("run", write_study(tmp_path, STUDY + "as_published: true\n", MODEL))
-    assert code == 2
-    assert "as_published: it belongs to a study with compare_with" in err
-    more = EXPERIMENT.replace("blocks: [2, 3]", "blocks: [2, 4]")
-    study = PUBLISHED.replace("posterior", f"{more}posterior")
-    code, _, err = oed("replicate", write_study(tmp_path, study, MODEL))
-    assert code == 2
-    assert "local_minima: blocks: 4; the experiment has 3" in err
+    for words in said:
+        assert words in err

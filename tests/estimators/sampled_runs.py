@@ -4,6 +4,7 @@ import numpy as np
 from mass_springs import MassSprings
 from scipy.linalg import expm
 
+from estimators import covariance
 from robotmodels.records.records import Records
 
 MODEL = MassSprings()
@@ -71,3 +72,14 @@ def excitation(rng, lines, runs, samples, before, multisine):
     phases = rng.random((runs, len(lines), 2))
     spectrum[:, lines] = np.exp(2j * np.pi * phases) * samples / np.sqrt(len(lines))
     return np.tile(np.fft.irfft(spectrum, samples, axis=1), (1, before // samples + 1, 1))
+
+
+def shares(fits):
+    """How often intervals of 95 % cover (count, 6), and mean cost over its expectation."""
+    covers, costs = [], []
+    for fitted in fits:
+        uncertainty = covariance(fitted)
+        z = np.log(fitted.parameters.values / TRUTH) / uncertainty.std
+        covers.append(np.abs(z) < uncertainty.quantile(0.95))
+        costs.append(fitted.cost / fitted.expected_cost)
+    return np.array(covers), float(np.mean(costs))

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from derivatives import check_gradient
-from sampled_runs import ANGLE, MODEL, TORQUE, TRUTH, sampled_records
+from sampled_runs import ANGLE, MODEL, TORQUE, TRUTH, sampled_records, shares
 
-from estimators import covariance, fit, run_spectra
+from estimators import fit, run_spectra
 from estimators.fitting.run_problem import RunProblem
 from robotmodels import InvalidInput
 
@@ -53,16 +53,9 @@ def test_lines_that_are_not_dense_are_refused_by_name():
         dense_runs(np.random.default_rng(3), 512, "polynomials")
 
 
-def shares(count, seed, states="polynomial"):
-    """How often intervals of 95 % cover (count, 6), and mean cost over its expectation."""
-    rng, covers, costs = np.random.default_rng(seed), [], []
-    for _ in range(count):
-        fitted = fit(MODEL, dense_runs(rng, states=states))
-        uncertainty = covariance(fitted)
-        z = np.log(fitted.parameters.values / TRUTH) / uncertainty.std
-        covers.append(np.abs(z) < uncertainty.quantile(0.95))
-        costs.append(fitted.cost / fitted.expected_cost)
-    return np.array(covers), float(np.mean(costs))
+def fits(count, seed, states="polynomial"):
+    rng = np.random.default_rng(seed)
+    return (fit(MODEL, dense_runs(rng, states=states)) for _ in range(count))
 
 
 def test_what_is_left_at_the_truth_is_noise():
@@ -77,8 +70,8 @@ def test_what_is_left_at_the_truth_is_noise():
 
 @pytest.mark.slow
 def test_intervals_cover_in_100_studies():
-    covers, cost = shares(100, 5)
+    covers, cost = shares(fits(100, 5))
     assert 0.92 < covers.mean() < 0.98
     assert covers.mean(axis=0).min() > 0.88
     assert cost == pytest.approx(1.0, abs=0.01)
-    assert shares(10, 6, "no")[0].mean() < 0.6  # the negative control
+    assert shares(fits(10, 6, "no"))[0].mean() < 0.6  # the negative control

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from derivatives import check_gradient
 from noisy_runs import NoisySystem
-from sampled_runs import ANGLE, MODEL, TORQUE, TRUTH, sampled_records
+from sampled_runs import ANGLE, MODEL, TORQUE, TRUTH, sampled_records, shares
 from sensed_springs import SensedSprings
 
-from estimators import covariance, fit, multistart, run_spectra
+from estimators import fit, multistart, run_spectra
 from estimators.fitting.run_problem import RunProblem
 from robotmodels import InvalidInput
 
@@ -40,18 +40,13 @@ def test_gradients_are_those_of_the_cost(draw, weighting):
     check_gradient(RunProblem(model=MODEL, data=data, weighting=weighting, bounds=BOUNDS), OFF)
 
 
-def shares(draw, count, seed, with_states=True):
-    """How often intervals of 95 % cover (count, 6), and mean cost over its expectation."""
+def fits(draw, count, seed):
     rng = np.random.default_rng(seed)
-    covers, costs = [], []
-    for _ in range(count):
-        data = draw(rng)
-        fitted = fit(MODEL, data if with_states else replace(data, sample_time=None))
-        uncertainty = covariance(fitted)
-        z = np.log(fitted.parameters.values / TRUTH) / uncertainty.std
-        covers.append(np.abs(z) < uncertainty.quantile(0.95))
-        costs.append(fitted.cost / fitted.expected_cost)
-    return np.array(covers), float(np.mean(costs))
+    return (fit(MODEL, draw(rng)) for _ in range(count))
+
+
+def without_states(rng):
+    return replace(random_torques(rng), sample_time=None)
 
 
 DRAWS = [random_torques, one_period_in_a_loop, detected_in_a_loop]
@@ -59,7 +54,7 @@ DRAWS = [random_torques, one_period_in_a_loop, detected_in_a_loop]
 
 @pytest.mark.parametrize("draw", DRAWS)
 def test_intervals_cover(draw):
-    covers, cost = shares(draw, 15, 3)
+    covers, cost = shares(fits(draw, 15, 3))
     assert covers.mean() > 0.87
     assert draw is detected_in_a_loop or cost == pytest.approx(1.0, abs=0.06)
 
@@ -67,7 +62,7 @@ def test_intervals_cover(draw):
 @pytest.mark.slow
 @pytest.mark.parametrize("draw", DRAWS)
 def test_intervals_cover_in_400_studies(draw):
-    covers, cost = shares(draw, 400, 4)
+    covers, cost = shares(fits(draw, 400, 4))
     upper = 0.995 if draw is detected_in_a_loop else 0.97
     assert 0.93 < covers.mean() < upper
     assert covers.mean(axis=0).min() > 0.91
@@ -76,7 +71,7 @@ def test_intervals_cover_in_400_studies(draw):
 
 def test_without_states_random_torques_cover_hardly_ever():
     """The negative control."""
-    covers, _ = shares(random_torques, 8, 5, with_states=False)
+    covers, _ = shares(fits(without_states, 8, 5))
     assert covers.mean() < 0.4
 
 

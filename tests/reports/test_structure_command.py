@@ -54,10 +54,14 @@ def test_the_hidden_spring_is_named_and_the_robot_written(study) -> None:
     assert {spring.name for spring in robot.file.springs} >= set(names)
 
 
-def test_score_tests_without_a_choice(study) -> None:
+def without_distinguish(study: Path) -> None:
     content = yaml.safe_load(study.read_text())
     del content["design"]["distinguish"]
     study.write_text(yaml.safe_dump(content))
+
+
+def test_score_tests_without_a_choice(study) -> None:
+    without_distinguish(study)
     code, out, err = oed("structure", str(study), "--most", "0")
     assert code == 0, err
     assert "0 springs added: no more than 0 were requested" in out
@@ -82,9 +86,7 @@ def test_score_tests_without_a_choice(study) -> None:
 def test_a_wrong_number_of_the_robot_file_puts_springs_in_doubt(study) -> None:
     late = ROBOT.file.model_copy(update={"delay": 2e-3})
     save_robot(replace(ROBOT, file=late), study.parent / "truth.yaml")
-    content = yaml.safe_load(study.read_text())
-    del content["design"]["distinguish"]
-    study.write_text(yaml.safe_dump(content))
+    without_distinguish(study)
     code, out, err = oed("structure", str(study), "--most", "0")
     assert code == 0, err
     assert "the data contradict delay" in " ".join(out.split())
@@ -96,9 +98,7 @@ def test_a_wrong_number_of_the_robot_file_puts_springs_in_doubt(study) -> None:
 
 
 def test_predictions_of_a_fit_that_lacks_a_spring_say_so(study) -> None:
-    content = yaml.safe_load(study.read_text())
-    del content["design"]["distinguish"]
-    study.write_text(yaml.safe_dump(content))
+    without_distinguish(study)
     for words in (["predict"], ["margins", "--draws", "2"]):
         _, out, err = oed(words[0], study, *words[1:])
         assert out.startswith("Model error: do not quote these numbers; "), err
