@@ -101,6 +101,8 @@ def above_snr(
         If that is not a number >= 0.
     """
     check_above_zero(minimum_snr, "weights.minimum_snr", zero=True)
+    if minimum_snr == 0:
+        return np.full(response.shape, True)
     noise = estimate.pooled_variance
     finite = np.isfinite(estimate.degrees_of_freedom)
     if finite.any():

@@ -250,6 +250,14 @@ class FrfEstimate(ReprHtml):
             line_correlation=self.line_correlation[step - 1 :: step],
         )
 
+    def with_errors(self, rng: np.random.Generator) -> "FrfEstimate":
+        """Return the estimate with independent circular complex normal errors of its variances."""
+        parts = rng.standard_normal((2, *self.response.shape)) * np.sqrt(self.variance / 2)
+        response = self.response.copy()
+        response.real += parts[0]
+        response.imag += parts[1]
+        return replace(self, response=response)
+
     def subset(self, indices: Sequence[int] | IntArray) -> "FrfEstimate":
         """Return the estimates in the positions `indices` only."""
         i = chosen_positions(indices, len(self.positions))
@@ -294,27 +302,24 @@ def simulate_frf(
         Experiments averaged in each position; one where None.
     """
     truth = np.asarray(frequency_response(model, positions, omega))
-    return noisy_frf(truth, positions, omega, noise, rng, repetitions)
+    return exact_frf(truth, positions, omega, noise, repetitions).with_errors(rng)
 
 
-def noisy_frf(
+def exact_frf(
     truth: ComplexArray,
     positions: Array,
     omega: Array,
     noise: NoiseLaw,
-    rng: np.random.Generator,
     repetitions: Sequence[int] | IntArray | None = None,
 ) -> FrfEstimate:
-    """Return FRFs `truth` (Q, F, m, n) with circular complex normal errors, as `simulate_frf`."""
+    """Return FRFs `truth` (Q, F, m, n) with the variances of `simulate_frf`, but no errors."""
     positions = np.asarray(positions, dtype=float)
     count = _checked_repetitions(
         np.ones(len(positions), dtype=np.int64) if repetitions is None else repetitions,
         len(positions),
     )
     variance = noise.variance(truth) / count[:, None, None, None]
-    parts = rng.standard_normal((2, *truth.shape)) * np.sqrt(variance / 2)
-    response = truth + parts[0] + 1j * parts[1]
-    return FrfEstimate(positions, np.asarray(omega), response, variance, count)
+    return FrfEstimate(positions, np.asarray(omega), truth, variance, count)
 
 
 def _check_axes(positions: Array, omega: Array, response: ComplexArray) -> None:
@@ -336,15 +341,17 @@ def _check_axes(positions: Array, omega: Array, response: ComplexArray) -> None:
         f = int(np.argmax(wrong))
         raise InvalidInput(f"omega: frequency {f} is {omega[f]:g}, a positive number is needed")
     _check_rising(omega)
-    broken = np.argwhere(~np.isfinite(response))
-    if broken.size:
+    broken = ~np.isfinite(response)
+    if broken.any():
+        index = np.argwhere(broken)[0]
         raise InvalidInput(
-            f"response: {response[tuple(broken[0])]} at {location(broken[0], omega)} is not finite"
+            f"response: {response[tuple(index)]} at {location(index, omega)} is not finite"
         )
-    large = np.argwhere(~((np.abs(response.real) <= _MOST) & (np.abs(response.imag) <= _MOST)))
-    if large.size:
+    large = ~((np.abs(response.real) <= _MOST) & (np.abs(response.imag) <= _MOST))
+    if large.any():
+        index = np.argwhere(large)[0]
         raise InvalidInput(
-            f"response: {response[tuple(large[0])]:.3g} at {location(large[0], omega)} is beyond "
+            f"response: {response[tuple(index)]:.3g} at {location(index, omega)} is beyond "
             f"any robot; at most {_MOST:g} is possible"
         )
 
@@ -366,14 +373,15 @@ def _checked_covariance(
     full = is_full(covariance, shape)
     if not full and np.iscomplexobj(covariance):
         raise InvalidInput("covariance: variances (Q, F, m, n) must be real numbers")
-    covariance = covariance.astype(complex if full else float)
+    covariance = covariance.astype(complex if full else float, copy=False)
     diagonal = np.diagonal(covariance, axis1=-2, axis2=-1).real if full else covariance
     elements = unvec(diagonal, shape[-2]) if full else diagonal
-    wrong = np.argwhere(~((elements >= _MOST**-2) & (elements <= _MOST**2)))
-    if wrong.size:
+    wrong = ~((elements >= _MOST**-2) & (elements <= _MOST**2))
+    if wrong.any():
+        index = np.argwhere(wrong)[0]
         raise InvalidInput(
-            f"covariance: the variance at {location(wrong[0], omega)} is "
-            f"{elements[tuple(wrong[0])]:g}, a positive number is needed (from {_MOST**-2:g} to "
+            f"covariance: the variance at {location(index, omega)} is "
+            f"{elements[tuple(index)]:g}, a positive number is needed (from {_MOST**-2:g} to "
             f"{_MOST**2:g})"
         )
     if full:

@@ -14,7 +14,7 @@ from estimators.fitting.frf_problem import FrfProblem
 from estimators.fitting.gauss_newton import gauss_newton
 from estimators.fitting.least_squares import Fit, fit_problem, solved
 from estimators.fitting.run_fit import RunFit
-from estimators.frf.frf_estimate import FrfEstimate, noisy_frf
+from estimators.frf.frf_estimate import FrfEstimate, exact_frf
 from estimators.uncertainty.covariance import METHODS, covariance
 from robotmodels.common.arrays import Array, ComplexArray, IntArray
 from robotmodels.common.errors import IdentificationError, InvalidInput, nearest
@@ -53,11 +53,14 @@ class FrfExperiment:
         """The true FRFs, (Q, F, m, n), computed once for all runs."""
         return np.asarray(frequency_response(self.model, self.positions, self.omega))
 
+    @cached_property
+    def _exact(self) -> FrfEstimate:
+        """The true FRFs with the variances of their errors."""
+        return exact_frf(self.response, self.positions, self.omega, self.noise, self.repetitions)
+
     def __call__(self, rng: np.random.Generator) -> FrfEstimate:
         """Return one simulated estimate."""
-        return noisy_frf(
-            self.response, self.positions, self.omega, self.noise, rng, self.repetitions
-        )
+        return self._exact.with_errors(rng)
 
 
 @dataclass(frozen=True, eq=False)

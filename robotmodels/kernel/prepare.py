@@ -64,24 +64,27 @@ def targets(
     omega: Array, measured: ComplexArray, weights: Array, residual: str
 ) -> tuple[Array, float]:
     """Return what each element i <= j is compared with, and the cost no model can undo."""
-    i, j = np.triu_indices(measured.shape[-1])
-    single = i == j
-    w2 = omega[:, None] ** 2
-    upper, lower = (-measured[..., a, b] / w2 for a, b in ((i, j), (j, i)))
-    u, v = weights[..., i, j], np.where(single, 0.0, weights[..., j, i])
-    both = np.where(u + v > 0, u + v, 1.0)
+    n, w2 = measured.shape[-1], omega[:, None] ** 2
+    i, j = np.triu_indices(n)
+    upper, lower = (
+        measured.reshape(-1, omega.size, n * n).take(k, 2) for k in (i * n + j, j * n + i)
+    )
+    u, v = (weights.reshape(-1, omega.size, n * n).take(k, 2) for k in (i * n + j, j * n + i))
+    v[..., i == j] = 0.0
+    both = u + v
+    share = v / np.where(both > 0, both, 1.0)
     if residual == "nls":
-        mean = (u * upper + v * lower) / both
-        constant = u * np.abs(upper - mean) ** 2 + v * np.abs(lower - mean) ** 2
-        parts = [mean.real, mean.imag, (u + v) * w2**2]
-        return np.stack(parts, axis=-1), float(np.sum(constant * w2**2))
+        apart = lower - upper
+        constant = u * share * (apart.real**2 + apart.imag**2)
+        means = [
+            -(a + share * b) / w2 for a, b in ((upper.real, apart.real), (upper.imag, apart.imag))
+        ]
+        return np.stack([*means, both * w2**2], axis=-1), float(np.sum(constant))
     a, b = np.log(np.abs(upper)), np.log(np.abs(lower))
-    mean = (u * a + v * b) / both
-    constant = u * (a - mean) ** 2 + v * (b - mean) ** 2
-    parts = [mean, u + v]
+    parts = [a + share * (b - a) - np.log(w2), both]
     if residual == "lls":
-        parts += [np.angle(upper), u, np.angle(lower), v]
-    return np.stack(parts, axis=-1), float(np.sum(constant))
+        parts += [np.angle(-upper), u, np.angle(-lower), v]
+    return np.stack(parts, axis=-1), float(np.sum(u * share * (a - b) ** 2))
 
 
 def _remaining_matrix(

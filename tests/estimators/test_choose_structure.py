@@ -8,7 +8,7 @@ import pytest
 
 import robotmodels
 from estimators import choose_structure, covariance, fit, score_tests, simulate_frf, structure_power
-from estimators.frf.frf_estimate import noisy_frf
+from estimators.frf.frf_estimate import exact_frf
 from estimators.structure import refits
 from robotmodels import InvalidInput, RelativeNoise
 from robotmodels.elastic.possible_springs import possible_springs, with_springs
@@ -127,7 +127,9 @@ def test_predicted_detection_is_that_of_simulated_fits():
     response = robotmodels.frequency_response(truth, POSITIONS, OMEGA)
     rng, level, hits = np.random.default_rng(3), 0.01, []
     for _ in range(100):
-        single = fit(ROBOT, noisy_frf(response, POSITIONS, OMEGA, NOISE, rng), "nls", "optimal")
+        single = fit(
+            ROBOT, exact_frf(response, POSITIONS, OMEGA, NOISE).with_errors(rng), "nls", "optimal"
+        )
         table = score_tests(single, SPRINGS, numbers=False)
         hits.append("joint2 z" in {s.name for s in table.significant(level)})
     power = structure_power(single, [spring], SPRINGS, level=level)[0]

@@ -9,7 +9,7 @@ from scipy.stats import norm
 
 import robotmodels
 from estimators import choose_structure, fit, score_tests, simulate_frf, structure_power
-from estimators.frf.frf_estimate import noisy_frf
+from estimators.frf.frf_estimate import exact_frf
 from estimators.structure.score_table import twins
 from estimators.structure.score_tests import effective_number
 from robotmodels import CoupledChains, InvalidInput, RelativeNoise, SolverFailed
@@ -63,7 +63,9 @@ def test_without_noise_the_size_is_that_of_a_stiff_spring():
     bent = robotmodels.frequency_response(with_springs(ROBOT, [weak], free=False), POSITIONS, OMEGA)
     scores = []
     for response in (truth, bent):
-        estimate = replace(noisy_frf(truth, POSITIONS, OMEGA, NOISE, rng), response=response)
+        estimate = replace(
+            exact_frf(truth, POSITIONS, OMEGA, NOISE).with_errors(rng), response=response
+        )
         single = fit(ROBOT, estimate, "nls", "optimal")
         scores.append(score_tests(single, [TORSION], damping_times=[1e-3], numbers=False)[0])
     exact, shifted = scores
@@ -147,7 +149,7 @@ def test_the_level_holds_over_400_right_models():
     rng, alarms = np.random.default_rng(8), []
     response = robotmodels.frequency_response(ROBOT, POSITIONS, OMEGA)
     for _ in range(400):
-        estimate = noisy_frf(response, POSITIONS, OMEGA, NOISE, rng)
+        estimate = exact_frf(response, POSITIONS, OMEGA, NOISE).with_errors(rng)
         table = score_tests(fit(ROBOT, estimate, "nls", "optimal"), SPRINGS)
         alarms.append(bool(table.significant(0.05)))
     assert 0.03 <= np.mean(alarms) <= 0.07
