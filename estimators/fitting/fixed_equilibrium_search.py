@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from estimators.fitting.fit_problem import FitProblem, all_finite
-from estimators.fitting.gauss_newton import damped_gauss_newton, damped_step, gained
+from estimators.fitting.gauss_newton import damped_gauss_newton, damped_step, predicted_change
 from estimators.fitting.trust_region import OUT_OF_EVALUATIONS, Minimiser, SearchResult
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import IdentificationError
@@ -281,7 +281,7 @@ class CorrectedModel:
         """Tell whether a full step from `values` (p,) would lower the cost much."""
         here = self.normal_equations(values)
         step = damped_step(here, 0.0, np.full(len(values), True))
-        return -gained(here, step) > FAR * here.cost
+        return -predicted_change(here, step) > FAR * here.cost
 
     def gradient(self, values: Array) -> tuple[float, Array]:
         """Return the cost and its gradient by ln theta (p,) at `values` (p,)."""

@@ -16,7 +16,7 @@ from estimators.fitting.trust_region import (
 )
 from robotmodels.common.arrays import Array, BoolArray
 from robotmodels.common.errors import IdentificationError
-from robotmodels.common.symmetric_matrices import scaled_eigh
+from robotmodels.common.symmetric_matrices import unit_diagonal_scaling
 from robotmodels.linear.normal_equations import NormalEquations
 
 # Share of each slope that damps steps of its parameter. From 0.3 to 0.8, searches from far starts
@@ -25,6 +25,8 @@ DAMPING = 0.5
 # A step that lowers the cost by less than this share of what it should is followed by shorter
 # ones, one that lowers it by more than that by longer ones.
 _POOR, _GOOD = 0.25, 0.75
+# Least square of a Cholesky pivot, at a unit diagonal, at which all directions are seen.
+_REGULAR = 1e-8
 _CONVERGED = "The next step would lower the cost by less than the tolerance"
 
 
@@ -74,16 +76,17 @@ def _minimum(
     """
     point = _Point(problem, objective, start, least)
     for evaluations in range(1, max_evaluations + 1):
-        trial = point.next()
-        gain = -gained(point.normal, trial - point.x)
-        if gain <= tolerance * point.normal.cost or evaluations == max_evaluations:
+        step = point.step()
+        converged = -predicted_change(point.normal, step) <= tolerance * point.normal.cost
+        if converged or evaluations == max_evaluations:
             break
-        point.move(trial, gain)
+        point.move(step)
     x, cost, status, message = point.x, point.normal.cost, 0, OUT_OF_EVALUATIONS
-    if gain <= tolerance * cost:
+    if converged:
         # After a step that failed, the model may have no FRF where the next one leads.
         if point.moved:
-            x, cost = trial, cost - max(gain, 0.0)
+            x = point.moved_by(step)
+            cost += min(predicted_change(point.normal, x - point.x), 0.0)
         status = 2
         message = _CONVERGED + at_bounds(problem, (x <= point.low) | (x >= point.high))
     values = np.clip(start * np.exp(x), *problem.bounds)
@@ -99,17 +102,43 @@ class _Point:
         self.x, self.damping, self.moved = np.zeros_like(start), least, True
         self.normal = objective.normal_equations(start)
 
-    def next(self) -> Array:
-        """Return where the next step leads; full ones are damped if they are long."""
-        trial = self._stepped()
-        if self.least < DAMPING and np.abs(trial - self.x).max() > 1 / DAMPING:
+    def step(self) -> Array:
+        """Return the next step; full ones are damped if they are long."""
+        step = self._damped()
+        if self.least < DAMPING and np.abs(step).max() > 1 / DAMPING:
             self.least = self.damping = DAMPING
-            trial = self._stepped()
-        return trial
+            step = self._damped()
+        return step
 
-    def move(self, trial: Array, gain: float) -> None:
-        """Evaluate a trial point (p,), move there if that lowers the cost, and judge the step."""
-        lowered = -np.inf
+    def _damped(self) -> Array:
+        """Return a damped step; parameters at bounds stay if slope or step lead further out.
+
+        Those that the step leads out are held one after the other: a slope that leads inside
+        prevails at last, so that the step vanishes at a minimum within the bounds alone.
+        """
+        free = ~self._leads_out(-self.normal.gradient)
+        while True:
+            step = damped_step(self.normal, self.damping, free)
+            out = self._leads_out(step)
+            if not out.any():
+                return step
+            free[np.argmax(out * np.abs(step))] = False
+
+    def _leads_out(self, step: Array) -> BoolArray:
+        return np.asarray((self.x <= self.low) & (step < 0) | (self.x >= self.high) & (step > 0))
+
+    def moved_by(self, step: Array) -> Array:
+        """Return the point moved along a step until it is done or the first bound is reached."""
+        end = np.where(step > 0, self.high, self.low)
+        room = np.full(len(step), np.inf)
+        np.divide(end - self.x, step, out=room, where=step != 0)
+        share = min(1.0, float(room.min()))
+        return np.where(room <= share, end, self.x + share * step)
+
+    def move(self, step: Array) -> None:
+        """Move by a step if that lowers the cost, and judge it."""
+        trial, lowered = self.moved_by(step), -np.inf
+        gain = -predicted_change(self.normal, trial - self.x)
         with suppress(IdentificationError, np.linalg.LinAlgError):
             there = self.objective.normal_equations(self.start * np.exp(trial))
             lowered = self.normal.cost - there.cost
@@ -124,24 +153,8 @@ class _Point:
         if self.moved:
             self.x, self.normal = trial, there
 
-    def _stepped(self) -> Array:
-        """Return the point moved by a damped step, as far as the bounds let it.
 
-        Parameters whose step would lead out of their bound stay there.
-        """
-        x, low, high, free = self.x, self.low, self.high, np.full(len(self.x), True)
-        while True:
-            step = damped_step(self.normal, self.damping, free)
-            out = (x <= low) & (step < 0) | (x >= high) & (step > 0)
-            if not out.any():
-                break
-            free &= ~out
-        with np.errstate(divide="ignore", invalid="ignore"):
-            room = np.where(step == 0, np.inf, np.where(step > 0, high - x, low - x) / step)
-        return np.clip(x + min(1.0, float(room.min())) * step, low, high)
-
-
-def gained(normal: NormalEquations, step: Array) -> float:
+def predicted_change(normal: NormalEquations, step: Array) -> float:
     """Return the change of the cost by a step of ln theta (p,), by the quadratic model."""
     return float(normal.gradient @ step + step @ normal.hessian @ step / 2)
 
@@ -156,7 +169,13 @@ def damped_step(normal: NormalEquations, damping: float, free: BoolArray) -> Arr
     """
     gradient = np.where(free, normal.gradient, 0.0)
     matrix = normal.hessian + np.diag(damping * np.abs(gradient))
-    s, values, vectors = scaled_eigh(np.where(free[:, None] & free, matrix, 0.0))
+    matrix = np.where(free[:, None] & free, matrix, 0.0)
+    s = unit_diagonal_scaling(matrix)
+    scaled, slope = s[:, None] * matrix * s, s * gradient
+    with suppress(np.linalg.LinAlgError):
+        if np.diagonal(np.linalg.cholesky(scaled)).min() ** 2 > _REGULAR:
+            return np.asarray(-s * np.linalg.solve(scaled, slope))
+    values, vectors = np.linalg.eigh(scaled)
     seen = values > len(values) * np.finfo(float).eps * values[-1]
-    along = np.where(seen, vectors.T @ (s * gradient) / np.where(seen, values, 1.0), 0.0)
+    along = np.where(seen, vectors.T @ slope / np.where(seen, values, 1.0), 0.0)
     return np.asarray(-s * (vectors @ along))

@@ -10,8 +10,8 @@ from estimators.fitting.frf_problem import frf_problem
 from estimators.fitting.gauss_newton import (
     damped_gauss_newton,
     damped_step,
-    gained,
     gauss_newton,
+    predicted_change,
 )
 from estimators.fitting.search import exact_search, search
 from estimators.fitting.trust_region import Residuals
@@ -129,6 +129,22 @@ def test_damped_steps_end_at_bounds_where_a_trust_region_does():
     assert outcome.message.endswith(f"at a bound: {problem.names[0]}, {problem.names[3]}")
 
 
+@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("minimise", [damped_gauss_newton, gauss_newton])
+def test_the_minimum_in_a_narrow_box_is_that_of_a_trust_region(seed, minimise):
+    rng = np.random.default_rng(seed)
+    half = np.exp(rng.uniform(0.001, 0.4, len(TRUTH)))
+    centre = TRUTH * np.exp(0.2 * rng.standard_normal(len(TRUTH)))
+    bounds = np.array([centre / half, centre * half])
+    problem = frf_problem(MODEL, noisy(seed % 5), "nls", "optimal", bounds)
+    start = centre * half ** rng.uniform(-0.99, 0.99, len(TRUTH))
+    expected = exact_search(problem, start, 500, 1e-12)
+    outcome = minimise(problem, Plain(problem), start, 500, 1e-12)
+    assert outcome.status == 2
+    assert outcome.cost == pytest.approx(expected.cost, rel=1e-7)
+    assert ((bounds[0] <= outcome.values) & (outcome.values <= bounds[1])).all()
+
+
 def test_steps_are_those_of_the_normal_equations_unless_damped():
     rng = np.random.default_rng(0)
     slope, residual = rng.standard_normal((20, 4)), rng.standard_normal(20)
@@ -140,7 +156,7 @@ def test_steps_are_those_of_the_normal_equations_unless_damped():
     expected = np.linalg.lstsq(slope[:, :3], -residual)[0]
     assert step == pytest.approx([*expected, 0.0], rel=1e-9)
     ends = [residual @ residual, np.sum((residual + slope @ step) ** 2)]
-    assert gained(normal, step) == pytest.approx(ends[1] - ends[0])
+    assert predicted_change(normal, step) == pytest.approx(ends[1] - ends[0])
     held = damped_step(normal, 0.0, np.array([True, False, True, True]))
     expected = np.linalg.lstsq(slope[:, [0, 2]], -residual)[0]
     assert held == pytest.approx([expected[0], 0.0, expected[1], 0.0], rel=1e-9)
