@@ -74,10 +74,11 @@ def targets(
     both = u + v
     share = v / np.where(both > 0, both, 1.0)
     if residual == "nls":
-        apart = lower - upper
-        constant = u * share * (apart.real**2 + apart.imag**2)
+        difference = lower - upper
+        constant = u * share * (difference.real**2 + difference.imag**2)
         means = [
-            -(a + share * b) / w2 for a, b in ((upper.real, apart.real), (upper.imag, apart.imag))
+            -(a + share * b) / w2
+            for a, b in ((upper.real, difference.real), (upper.imag, difference.imag))
         ]
         return np.stack([*means, both * w2**2], axis=-1), float(np.sum(constant))
     a, b = np.log(np.abs(upper)), np.log(np.abs(lower))
