@@ -3,8 +3,9 @@
 import io
 import json
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -270,3 +271,15 @@ def refusals(path: Path, read: Callable[[Path], object], seeds: Iterable[int]) -
             raise AssertionError(f"seed {seed}: {error!r}") from error
     path.write_bytes(sound)
     return said
+
+
+def check_readers(
+    path: Path, kinds: Mapping[str, tuple[Any, Any, Any]], seeds: Sequence[int], least: float
+) -> None:
+    """Refuse mutants of a file in a line or take them; at least that share is refused.
+
+    Kinds are a reader, a writer and what makes the contents, by the name of the file.
+    """
+    read, write, contents = kinds[path.name]
+    write(path, contents())
+    assert len(refusals(path, read, seeds)) > least * len(seeds)

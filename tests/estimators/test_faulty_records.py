@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from file_mutations import refusals
+from file_mutations import check_readers
 from mass_springs import MassSprings
 
 from estimators import (
@@ -102,7 +102,4 @@ FEW, MANY = range(30), pytest.param(range(30, 3000), marks=pytest.mark.slow)
 @pytest.mark.parametrize("seeds", [FEW, MANY])
 @pytest.mark.parametrize("name", KINDS)
 def test_readers_refuse_in_a_line_or_take(tmp_path, name, seeds):
-    read, write, contents = KINDS[name]
-    write(tmp_path / name, contents())
-    said = refusals(tmp_path / name, read, seeds)
-    assert len(said) > 0.3 * len(seeds)
+    check_readers(tmp_path / name, KINDS, seeds, 0.3)

@@ -1,5 +1,6 @@
 """Counts and physical values beyond any robot are refused where they are read."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -54,22 +55,22 @@ def changed(path: Path, tmp_path: Path, keys: str, value: object) -> Path:
     return edited
 
 
+def refused(edited: Path, load: Callable[[Path], object], keys: str) -> None:
+    with pytest.raises(InvalidInput, match=rf"edited\.yaml:\d+: {keys}") as error:
+        load(edited)
+    assert "\n" not in str(error.value)
+
+
 @pytest.mark.parametrize("value", [10**19, 10**23, 10**399, 1e300, -1, 5.9, "7", True])
 @pytest.mark.parametrize("keys", COUNTS)
 def test_counts_of_a_study_have_limits(tmp_path: Path, keys: str, value: object) -> None:
-    edited = changed(STUDY, tmp_path, keys, value)
-    with pytest.raises(InvalidInput, match=rf"edited\.yaml:\d+: {keys}") as error:
-        load_study(edited)
-    assert "\n" not in str(error.value)
+    refused(changed(STUDY, tmp_path, keys, value), load_study, keys)
 
 
 @pytest.mark.parametrize("value", [10**19, 10**399, 1e300, -1, 5.9, "7", True])
 @pytest.mark.parametrize("keys", EXPERIMENT_COUNTS)
 def test_counts_of_an_experiment_have_limits(tmp_path: Path, keys: str, value: object) -> None:
-    edited = changed(EXPERIMENT, tmp_path, keys, value)
-    with pytest.raises(InvalidInput, match=rf"edited\.yaml:\d+: {keys}") as error:
-        load_experiment(edited)
-    assert "\n" not in str(error.value)
+    refused(changed(EXPERIMENT, tmp_path, keys, value), load_experiment, keys)
 
 
 @pytest.mark.parametrize("value", [1e300, -1e300, 10**399, "1 000", True, float("nan"), 1e-300])
@@ -84,10 +85,7 @@ def test_counts_of_an_experiment_have_limits(tmp_path: Path, keys: str, value: o
     ],
 )
 def test_physical_values_have_ranges(tmp_path: Path, keys: str, value: object) -> None:
-    edited = changed(ROBOT, tmp_path, keys, value)
-    with pytest.raises(InvalidInput, match=r"edited\.yaml:\d+: (motors|springs)\[0\]") as error:
-        load_robot(edited)
-    assert "\n" not in str(error.value)
+    refused(changed(ROBOT, tmp_path, keys, value), load_robot, r"(motors|springs)\[0\]")
 
 
 def test_products_of_counts_have_limits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -63,6 +63,11 @@ def unmoved(robot, position, rollouts, start, reach, limit):
     return rollout_fit.RolloutFit(start, True, limit, 2.0)
 
 
+def page_of(found):
+    table = tables.time_domain(found)
+    return filled("published_time_domain.html.j2", comparison=found, table=table, seconds=9.0)
+
+
 def test_frfs_of_the_same_records_find_the_truth_and_a_missing_module_is_told(case, monkeypatch):
     monkeypatch.setattr(time_domain_comparison, "case", lambda: case)
     monkeypatch.setattr(rollout_fit, "missing", lambda: "tabulate")
@@ -75,12 +80,7 @@ def test_frfs_of_the_same_records_find_the_truth_and_a_missing_module_is_told(ca
         assert ours.spring_error < 0.01
     assert found.missing == "tabulate"
     assert json_data(found)["misfit"] is None
-    page = filled(
-        "published_time_domain.html.j2",
-        comparison=found,
-        table=tables.time_domain(found),
-        seconds=1.0,
-    )
+    page = page_of(found)
     assert "its module tabulate is not installed" in page
     assert "pip install" in page
 
@@ -110,12 +110,7 @@ def test_both_ways_start_alike_and_are_judged_alike(case, monkeypatch):
     assert theirs.seconds == 2.0
     springs = ln[:, [name.endswith("stiffness") for name in robot.parameters.names]]
     assert theirs.successes == int((np.abs(springs).max(axis=1) < 0.05).sum())
-    page = filled(
-        "published_time_domain.html.j2",
-        comparison=found,
-        table=tables.time_domain(found),
-        seconds=9.0,
-    )
+    page = page_of(found)
     assert "by 1.5 standard deviations" in page
     assert "mujoco.sysid" in page
 
