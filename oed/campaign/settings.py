@@ -24,21 +24,19 @@ output: ../out/campaign      # folder; relative to this file, as every path in i
 """
 
 from pathlib import Path
-from typing import Annotated, Literal, Self, TypeVar
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from oed.criteria.targets import by_name_or_kind
 from oed.experiment.loop_settings import Format, LoopSettings
+from oed.experiment.settings_files import read_settings
 from oed.study.settings.candidates_settings import CandidatesChoice
 from robotmodels.common.arrays import Array
-from robotmodels.common.file_paths import existing_file, output_folder, robot_reference
-from robotmodels.common.yaml_files import read_yaml
 from robotmodels.description.ranges import Count, NonNegative, Positive, Seed
 
 Accuracy = Annotated[float, Field(gt=0, lt=1)]
-Settings = TypeVar("Settings", bound="VisitSettings")
 
 
 class VisitSettings(LoopSettings):
@@ -101,24 +99,5 @@ class CampaignSettings(VisitSettings):
 
 
 def load_campaign(path: str | Path) -> CampaignSettings:
-    """Read a campaign file, see `load_visit_settings`."""
-    return load_visit_settings(path, CampaignSettings)
-
-
-def load_visit_settings(path: str | Path, kind: type[Settings]) -> Settings:
-    """Read a file of settings; the paths inside it become absolute.
-
-    Raises
-    ------
-    InvalidInput
-        If the file is absent, is not YAML, or does not fit the schema; the key is named.
-    """
-    path = Path(path)
-    settings = read_yaml(path, kind)
-    lists = [existing_file(path, "candidates.files", file) for file in settings.candidates.files]
-    changed = {
-        "output": output_folder(path, settings.output),
-        "robot": robot_reference(path, settings.robot),
-        "candidates": settings.candidates.model_copy(update={"files": tuple(lists)}),
-    }
-    return settings.model_copy(update=changed)
+    """Read a campaign file, see `read_settings`."""
+    return read_settings(path, CampaignSettings)

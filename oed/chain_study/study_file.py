@@ -35,9 +35,9 @@ from pydantic import Field, model_validator
 
 from oed.experiment.experiment_file import MultisineSettings
 from oed.experiment.loop_settings import NonNegativeEach, PositiveEach, per_motor
+from oed.experiment.settings_files import read_settings
 from robotmodels.common.errors import check_word
-from robotmodels.common.file_paths import output_folder
-from robotmodels.common.yaml_files import FileSection, read_yaml
+from robotmodels.common.yaml_files import FileSection
 from robotmodels.description.ranges import Coordinate, Positive, Seed
 from robotmodels.linear.coupled_chains import CoupledChains
 from robotmodels.simulation.controller import Controller
@@ -102,16 +102,8 @@ class ChainStudy(FileSection):
 
 
 def load_chain_study(path: str | Path) -> ChainStudy:
-    """Read a study of coupled chains; its output folder becomes absolute.
-
-    Raises
-    ------
-    InvalidInput
-        If the file is absent, is not YAML, or does not fit the schema; the key is named.
-    """
-    path = Path(path)
-    study = read_yaml(path, ChainStudy)
-    return study.model_copy(update={"output": output_folder(path, study.output)})
+    """Read a study of coupled chains, see `read_settings`."""
+    return read_settings(path, ChainStudy)
 
 
 def study_chains(choice: ChainsChoice) -> CoupledChains:

@@ -73,11 +73,12 @@ from pydantic import Field, model_validator
 
 from oed.experiment.design_file import designed_positions
 from oed.experiment.loop_settings import Format, LoopSettings, MultisineChoice
+from oed.experiment.settings_files import read_settings
 from oed.experiment.workcell_settings import WorkcellChoice
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.errors import InvalidInput
-from robotmodels.common.file_paths import absolute, output_folder, robot_reference
-from robotmodels.common.yaml_files import FileSection, read_yaml
+from robotmodels.common.file_paths import absolute
+from robotmodels.common.yaml_files import FileSection
 from robotmodels.description.ranges import Coordinate, Count, Seed
 
 MOST_SAMPLES = 10_000_000
@@ -138,22 +139,10 @@ class Experiment(ExcitationSettings):
 
 
 def load_experiment(path: str | Path) -> Experiment:
-    """Read an experiment file; the paths inside it become absolute.
-
-    Raises
-    ------
-    InvalidInput
-        If the file is absent, is not YAML, or does not fit the schema; the key is named.
-    """
-    path = Path(path)
-    experiment = read_yaml(path, Experiment)
-    design = experiment.design
-    changed = {
-        "output": output_folder(path, experiment.output),
-        "robot": robot_reference(path, experiment.robot),
-        "design": design and absolute(path.resolve().parent, design),
-    }
-    return experiment.model_copy(update=changed)
+    """Read an experiment file, see `read_settings`; the path of a design becomes absolute too."""
+    experiment = read_settings(path, Experiment)
+    design = experiment.design and absolute(Path(path).resolve().parent, experiment.design)
+    return experiment.model_copy(update={"design": design})
 
 
 def planned_positions(experiment: Experiment, robot: str) -> tuple[Array, IntArray]:

@@ -39,9 +39,9 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from oed.campaign.settings import Accuracy, VisitSettings, load_visit_settings
+from oed.campaign.settings import Accuracy, VisitSettings
+from oed.experiment.settings_files import read_settings
 from oed.study.settings.design_settings import RobustChoice
-from robotmodels.common.file_paths import robot_reference
 from robotmodels.common.yaml_files import FileSection
 from robotmodels.description.ranges import NonNegative, Positive
 
@@ -88,8 +88,5 @@ class VisitStudy(VisitSettings):
 
 
 def load_visit_study(path: str | Path) -> VisitStudy:
-    """Read a study of visits, see `load_visit_settings`."""
-    study = load_visit_settings(path, VisitStudy)
-    if study.truth is None:
-        return study
-    return study.model_copy(update={"truth": robot_reference(Path(path), study.truth)})
+    """Read a study of visits, see `read_settings`."""
+    return read_settings(path, VisitStudy)

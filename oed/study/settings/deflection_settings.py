@@ -24,8 +24,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from robotmodels.common.file_paths import existing_file, output_folder, robot_reference
-from robotmodels.common.yaml_files import FileSection, read_yaml
+from oed.experiment.settings_files import read_settings
+from robotmodels.common.file_paths import existing_file
+from robotmodels.common.yaml_files import FileSection
 from robotmodels.description.ranges import NonNegative, Positive
 
 
@@ -73,19 +74,15 @@ def is_deflection_study(content: dict[str, Any]) -> bool:
 
 
 def load_deflection_study(path: str | Path) -> DeflectionStudy:
-    """Read a study of movements; the paths inside it become absolute.
+    """Read a study of movements, see `read_settings`; those of movements become absolute too.
 
     Raises
     ------
     InvalidInput
-        If the file is absent, is not YAML, or does not fit the schema; the key is named.
+        As `read_settings`, or if there are no such movements.
     """
-    path = Path(path)
-    study = read_yaml(path, DeflectionStudy)
-    changed: dict[str, object] = {
-        "output": output_folder(path, study.output),
-        "robot": robot_reference(path, study.robot),
-    }
+    path, changed = Path(path), dict[str, object]()
+    study = read_settings(path, DeflectionStudy)
     for key in ("data", "validation"):
         if (choice := getattr(study, key)) is not None:
             file = existing_file(path, f"{key}.movements", choice.movements)

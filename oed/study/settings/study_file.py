@@ -77,13 +77,14 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from oed.experiment.settings_files import read_settings
 from oed.study.settings.candidates_settings import CandidatesChoice
 from oed.study.settings.data_settings import DataChoice, ValidationChoice
 from oed.study.settings.design_settings import DesignChoice
 from oed.study.settings.fit_settings import SML, Estimator, FitChoice, Residual
 from robotmodels.common.errors import nearest
-from robotmodels.common.file_paths import existing_file, output_folder, robot_reference
-from robotmodels.common.yaml_files import FileSection, read_yaml
+from robotmodels.common.file_paths import existing_file, robot_reference
+from robotmodels.common.yaml_files import FileSection
 from robotmodels.description.ranges import Hertz, Positive, Seed
 
 MOST_DRAWS = 10**9
@@ -331,33 +332,25 @@ class Study(FileSection):
 
 
 def load_study(path: str | Path) -> Study:
-    """Read a study file; the paths inside it become absolute.
+    """Read a study file, see `read_settings`; those of data and springs become absolute too.
 
     Raises
     ------
     InvalidInput
-        If the file is absent, is not YAML, or does not fit the schema; the key is named.
+        As `read_settings`, or if there are no such data.
     """
     path = Path(path)
-    study = read_yaml(path, Study)
+    study = read_settings(path, Study)
     files = {
         key: existing_file(path, f"data.{key}", file)
         for key in ("records", "frf")
         if (file := getattr(study.data, key)) is not None
     }
-    changed: dict[str, object] = {
-        "output": output_folder(path, study.output),
-        "robot": robot_reference(path, study.robot),
-        "truth": None if study.truth is None else robot_reference(path, study.truth),
-        "data": study.data.model_copy(update=files),
-    }
+    changed: dict[str, object] = {"data": study.data.model_copy(update=files)}
     if study.design.distinguish:
         springs = [
             robot_reference(path, each) if isinstance(each, str) else each
             for each in study.design.distinguish
         ]
         changed["design"] = study.design.model_copy(update={"distinguish": tuple(springs)})
-    if study.candidates is not None:
-        lists = [existing_file(path, "candidates.files", file) for file in study.candidates.files]
-        changed["candidates"] = study.candidates.model_copy(update={"files": tuple(lists)})
     return study.model_copy(update=changed)
