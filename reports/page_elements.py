@@ -151,8 +151,8 @@ class Column:
         return re.sub(r"\[.*?\]", lambda unit: unit[0].replace(" ", "\u00a0"), self.title)
 
 
-_LONG = 110
-"""Characters of the longest cells of a table's columns, with the space between."""
+_LONG, _WRAPPED = 110, 30
+"""Characters of a table's longest cells with the space between, of one whose text wraps."""
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,14 @@ class Table:
         """Whether its cells are so long together that they are set closer."""
         rows = [row for _, group in self.groups for row in group]
         words = [[one if isinstance(one, str) else one.text for one in row] for row in rows]
-        return sum(max(map(len, column)) + 2 for column in zip(*words, strict=True)) > _LONG
+        longest = (max(map(len, column)) + 2 for column in zip(*words, strict=True))
+        return (
+            sum(
+                min(count, _WRAPPED) if column.kind == "words" else count
+                for column, count in zip(self.columns, longest, strict=bool(rows))
+            )
+            > _LONG
+        )
 
 
 def table(

@@ -261,7 +261,7 @@ def _labels(layout: _Layout, outputs: Sequence[str], inputs: Sequence[str], scal
     for i, word in enumerate(outputs):
         x, y = layout.corner(i, 0)
         at = f"translate({x - 38:.1f} {y + 0.7 * height:.1f})"
-        names.append(f'<text class="row" transform="{at} rotate(-90)">to {escape(word)}</text>')
+        names.append(f'<text transform="{at} rotate(-90)">to {escape(word)}</text>')
         levels += _beside(x - 4, y, height, scales)
     left, right = layout.corner(0, 0)[0], layout.corner(0, len(inputs) - 1)[0] + width
     axis = _text((left + right) / 2, last + 28, "frequency [Hz]", "below")

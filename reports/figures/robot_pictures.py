@@ -16,6 +16,7 @@ from robotmodels.elastic.mode_pictures import ModeMovements
 AZIMUTH, ELEVATION = -55, 18  # of the camera [deg]
 _WIDTH = 160  # of a picture [px]
 _MARGIN = 0.04
+_TALLEST = 1.25  # height of a picture over its width, also of an upright arm
 _DECIMALS = 3  # of what is drawn [m]
 
 # In the order of drawing: what, colour, width of the line [px], opacity.
@@ -63,7 +64,8 @@ def scene_of(skeletons: list[Array]) -> Scene:
     low, high = drawn.min(axis=0), drawn.max(axis=0)
     margin = _MARGIN * float((high - low).max())
     (x_min, y_min), (width, height) = low - margin, high - low + 2 * margin
-    return Scene(radius, float(x_min), float(y_min), float(width), float(height))
+    wider = max(float(height) / _TALLEST, float(width))
+    return Scene(radius, float(x_min - (wider - width) / 2), float(y_min), wider, float(height))
 
 
 def stick_figure(

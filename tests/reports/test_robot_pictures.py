@@ -46,3 +46,10 @@ def test_a_picture_holds_what_turns_it_and_names_what_is_seen():
 
 def test_a_robot_that_stands_on_a_point_has_a_floor():
     assert scene_of([np.zeros((2, 3))]).width > 0
+
+
+def test_an_upright_robot_has_a_picture_that_is_not_much_taller_than_wide():
+    upright = np.array([[0.0, 0, 0], [0, 0, 1.0], [0, 0, 2.0]])
+    scene = scene_of([upright])
+    assert 1.0 < scene.height / scene.width < 1.3
+    assert scene.x_min + scene.width / 2 == pytest.approx(0.0, abs=0.01)  # in the middle
