@@ -35,8 +35,8 @@ from .criteria.prediction_variance import (
     log_frf_gradients as log_frf_gradients,
     log_resonance_gradients as log_resonance_gradients,
     prediction_matrix as prediction_matrix,
+    purpose_criterion as purpose_criterion,
 )
-from .criteria.purpose import purpose_criterion as purpose_criterion
 from .criteria.robust_criteria import (
     AverageCriterion as AverageCriterion,
     MaximinCriterion as MaximinCriterion,

@@ -1,4 +1,4 @@
-"""Criteria for those who want predictions: the variance of FRFs or resonances in a workspace.
+"""Criteria for those who want predictions: the variance of FRFs, resonances, any quantity.
 
 A prediction's variance is g' M^-1 g with g its derivative by ln theta, so its mean over many
 predictions is tr(L M^-1) with L the mean of g g', which `ICriterion` takes.
@@ -6,7 +6,8 @@ predictions is tr(L M^-1) with L the mean of g g', which `ICriterion` takes.
 
 import numpy as np
 
-from estimators.validation.quantities import Resonances, log_gradients
+from estimators.validation.quantities import Quantity, Resonances, log_gradients
+from oed.criteria.criteria import ICriterion
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.errors import InvalidInput
 from robotmodels.linear.response import Elastic, sensitivity
@@ -82,3 +83,30 @@ def log_resonance_gradients(robot: Elastic, positions: Array) -> Array:
         Where resonances are to be predicted.
     """
     return np.asarray(log_gradients(robot, Resonances(motors="free"), positions))
+
+
+def purpose_criterion(
+    robot: Elastic, quantity: str | Quantity, positions: Array, parameters: Array | None = None
+) -> ICriterion:
+    """Return the mean relative variance of a quantity over positions: I- or V-optimality.
+
+    Parameters
+    ----------
+    robot : Elastic
+        Robot that designs are for.
+    quantity : str or Quantity
+        As in `estimators.predict`; any function of model, positions and parameters will do, such
+        as one that returns `robotmodels.loop_margins(...).gain_margin`.
+    positions : ndarray, (Q, n), rad
+        Where it is to be known, measured in or not.
+    parameters : ndarray, (p,), optional
+        Parameters at which derivatives are taken; the robot's by default.
+
+    Raises
+    ------
+    InvalidInput
+        For an unknown quantity, or one that does not exist in a position.
+    IdentificationError
+        If the robot has no equilibrium in a position.
+    """
+    return ICriterion(prediction_matrix(log_gradients(robot, quantity, positions, parameters)))

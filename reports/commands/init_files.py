@@ -8,14 +8,13 @@ from reports.commands.init_options import ModelOptions, model_options
 from reports.commands.init_robot import path_from, robot_text
 from reports.commands.init_study import study_text
 from robotmodels import ElasticRobot, load_robot
-from robotmodels.checks.coupled_joints import locked_couplings
 from robotmodels.checks.model_doubts import doubts_about
 from robotmodels.checks.proposed_drives import (
     Drive,
     moving_joints,
     propose_drives,
 )
-from robotmodels.checks.sub_chain import locked_joints
+from robotmodels.checks.sub_chain import locked_couplings, locked_joints
 from robotmodels.common.errors import InvalidInput
 from robotmodels.description.joint_drives import couplings
 from robotmodels.description.model_files import ModelFile, refuse_other_formats

@@ -1,11 +1,12 @@
-"""A part of a robot to move: what lies between two links, the other joints held."""
+"""A part of a robot to move: what lies between two links, the other joints held, and followers."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from robotmodels.checks.proposed_drives import UrdfJoint
 from robotmodels.common.errors import InvalidInput, check_word
+from robotmodels.description.joint_drives import Coupling
 from robotmodels.description.urdf_check import free_joints
 
 
@@ -89,3 +90,26 @@ def _ancestors(link: str, above: dict[str, tuple[str, str]]) -> Iterable[str]:
 def rest_angle(joint: UrdfJoint) -> float:
     """Return zero, or the limit nearest to it [rad or m]."""
     return min(max(0.0, joint.low), joint.high)
+
+
+def locked_couplings(
+    joints: Sequence[UrdfJoint], couplings: Mapping[str, Coupling], locked: Mapping[str, float]
+) -> dict[str, float]:
+    """Return which joints are held, and where [rad or m]: `locked` ones, and what goes with them.
+
+    A leader and its followers that carry no other joint are the fingers of a gripper, which are
+    held. Followers of a leader that is held are held where it has them.
+    """
+    by_name = {joint.name: joint for joint in joints}
+    angles = dict(locked)
+    for leader in {c.leader for c in couplings.values()} - angles.keys():
+        group = {leader, *(n for n, c in couplings.items() if c.leader == leader)}
+        if not any(j.carrier in group and j.name not in group for j in joints):
+            angles[leader] = rest_angle(by_name[leader])
+    for name, coupling in couplings.items():
+        if coupling.leader in angles and name not in locked:
+            joint = by_name[name]
+            angle = coupling.multiplier * angles[coupling.leader] + coupling.offset
+            angles[name] = min(max(angle, joint.low), joint.high)
+    free = [name for name in locked if name not in by_name]
+    return {name: angles[name] for name in (*free, *by_name) if name in angles}

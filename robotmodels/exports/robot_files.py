@@ -15,7 +15,6 @@ from robotmodels.description.robot_file import Fitted, RobotFile
 from robotmodels.description.urdf import PACKAGE_PREFIX
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.records.records import Records
-from robotmodels.records.rms_speeds import rms_speeds
 
 
 def with_values(robot: ElasticRobot, values: Array, fitted: Fitted | None = None) -> ElasticRobot:
@@ -87,7 +86,32 @@ def at_recorded_speeds(robot: ElasticRobot, records: Records) -> ElasticRobot:
             f"records: {records.angle.shape[-1]} outputs; an angle of each motor is needed, "
             f"{', '.join(missing or robot.output_names)}"
         )
-    return with_speeds(robot, rms_speeds(records, [encoders[n] for n in robot.motor_names]))
+    return with_speeds(robot, _rms_speeds(records, [encoders[n] for n in robot.motor_names]))
+
+
+def _rms_speeds(records: Records, columns: list[int]) -> Array:
+    """Return the root mean square of angles' rates over all runs, (n,) [rad/s].
+
+    Parameters
+    ----------
+    records : Records
+        Periodic runs.
+    columns : list of int
+        Which of the outputs are motor angles, n of them.
+
+    Raises
+    ------
+    InvalidInput
+        If a motor does not move.
+    """
+    angle = records.angle[..., columns]
+    omega = 2 * np.pi * np.fft.rfftfreq(records.samples, records.sample_time)
+    spectrum = np.abs(np.fft.rfft(angle, axis=4) / records.samples) * omega[:, None]
+    power = 2 * np.sum(spectrum**2, axis=4)  # Parseval
+    rms = np.sqrt(np.nanmean(power, axis=(0, 1, 2, 3)))
+    if not (rms > 0).all():
+        raise InvalidInput(f"records: output {columns[int(np.argmin(rms))] + 1} does not move")
+    return np.asarray(rms)
 
 
 def save_robot(robot: ElasticRobot, path: str | Path) -> None:

@@ -10,8 +10,8 @@ from simulated import T, errors, frf, records_of
 
 from reports.commands.init_files import starter_files, write_starter_files
 from robotmodels import InvalidInput, load_robot
-from robotmodels.checks.coupled_joints import locked_couplings
 from robotmodels.checks.proposed_drives import moving_joints
+from robotmodels.checks.sub_chain import locked_couplings
 from robotmodels.common.yaml_files import parse_yaml
 from robotmodels.description.joint_drives import couplings
 from robotmodels.description.robot_file import RobotFile

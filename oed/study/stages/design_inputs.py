@@ -11,7 +11,7 @@ from oed.criteria.criteria import (
     ICriterion,
     LargestVarianceCriterion,
 )
-from oed.criteria.purpose import purpose_criterion
+from oed.criteria.prediction_variance import purpose_criterion
 from oed.criteria.targets import by_name_or_kind
 from oed.design.constraints import Constraints, Group
 from oed.experiment.loop_settings import per_motor
