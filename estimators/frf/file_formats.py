@@ -61,9 +61,7 @@ def write_frf(path: PathLike, estimate: FrfEstimate) -> None:
         ".csv": format_csv.write_frf,
         ".uff": format_uff.write_frf,
     }
-    write = writers[_kind(path, writers)]
-    with atomic_write(path) as unfinished:
-        write(unfinished, estimate)
+    _write(path, estimate, writers)
 
 
 def read_frf(
@@ -109,9 +107,7 @@ def write_records(path: PathLike, records: Records) -> None:
         ".mat": lambda p, r: _write_mat(p, _contents(r), RECORDS_SCHEMA),
         ".csv": format_csv.write_records,
     }
-    write = writers[_kind(path, writers)]
-    with atomic_write(path) as unfinished:
-        write(unfinished, records)
+    _write(path, records, writers)
 
 
 def read_records(path: PathLike) -> Records:
@@ -135,10 +131,12 @@ def read_records(path: PathLike) -> Records:
 @renamed_keywords("0.2", found="distortion")
 def write_distortion(path: PathLike, distortion: Distortion) -> None:
     """Write distortion levels to HDF5 or .mat."""
-    writers = {".h5": _write_hdf5, ".mat": _write_mat}
-    write = writers[_kind(path, writers)]
-    with atomic_write(path) as unfinished:
-        write(unfinished, _contents(distortion), DISTORTION_SCHEMA)
+    schema = DISTORTION_SCHEMA
+    writers: dict[str, Callable[[Path, Distortion], None]] = {
+        ".h5": lambda p, d: _write_hdf5(p, _contents(d), schema),
+        ".mat": lambda p, d: _write_mat(p, _contents(d), schema),
+    }
+    _write(path, distortion, writers)
 
 
 def read_distortion(path: PathLike) -> Distortion:
@@ -161,6 +159,12 @@ def _kind(path: PathLike, endings: Mapping[str, Any]) -> str:
     suffix = {".hdf5": ".h5", ".unv": ".uff"}.get(suffix, suffix)
     check_word(f"{path}: ending", suffix, endings)
     return suffix
+
+
+def _write(path: PathLike, value: _T, writers: Mapping[str, Callable[[Path, _T], None]]) -> None:
+    write = writers[_kind(path, writers)]
+    with atomic_write(path) as unfinished:
+        write(unfinished, value)
 
 
 def _read(path: PathLike, readers: Mapping[str, Callable[[Path], _T]]) -> _T:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robotmodels.common.arrays import Array, check_above_zero, one_or_each, read_only
+from robotmodels.common.arrays import Array, check_above_zero, check_ranges, one_or_each, read_only
 from robotmodels.common.errors import InvalidInput
 
 # Largest slope and curvature of the quintic 10 t^3 - 15 t^4 + 6 t^5 on [0, 1].
@@ -75,14 +75,8 @@ class MoveLimits:
             raise InvalidInput(
                 f"{what}s: shape {positions.shape} given; (Q, {n}) is needed, one column per motor"
             )
-        low, high = self.positions.T
-        outside = ~((positions >= low - _SLACK) & (positions <= high + _SLACK))
-        if outside.any():
-            i, j = np.argwhere(outside)[0]
-            raise InvalidInput(
-                f"{what} {i}: motor {self.motors[j]!r} at {positions[i, j]:.4g} is outside its "
-                f"limits [{low[j]:.4g}, {high[j]:.4g}]"
-            )
+        names = [f"motor {motor!r}" for motor in self.motors]
+        check_ranges(positions, self.positions, what, names, _SLACK)
         return positions
 
 

@@ -143,6 +143,26 @@ def one_or_each(values: ArrayLike, count: int, what: str, of: str = "motors") ->
     return np.array(np.broadcast_to(array, (count,)))
 
 
+def check_ranges(
+    positions: Array, limits: Array, what: str, names: Sequence[str], slack: float
+) -> None:
+    """Refuse the first of `positions` (Q, n) outside `limits` (n, 2).
+
+    Raises
+    ------
+    InvalidInput
+        Naming the position, after `what`, and the coordinate by its name.
+    """
+    low, high = limits.T
+    outside = np.argwhere(~((positions >= low - slack) & (positions <= high + slack)))
+    if len(outside):
+        i, j = outside[0]
+        raise InvalidInput(
+            f"{what} {i}: {names[j]} at {positions[i, j]:.4g} is outside its limits "
+            f"[{low[j]:.4g}, {high[j]:.4g}]"
+        )
+
+
 def is_count(value: object, least: int = 1) -> TypeGuard[int]:
     """Tell whether a number of things is whole, and at least `least`; True is no number."""
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)

@@ -1,5 +1,6 @@
 """Symmetric matrices scaled to a unit diagonal: the units of the parameters have no say then."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,12 @@ ROUNDING = 1e-12
 """Relative eigenvalues up to this are zero: rounding leaves those of unit diagonals near 1e-15."""
 SPREAD = 1.0 / (16 * np.finfo(float).eps)
 """Beyond this ratio of sensitivities, 2.8e14, the smaller one is lost in rounding."""
+
+
+def symmetric_matrix(entries: Iterable[float]) -> Array:
+    """Return the matrix (3, 3) of xx, xy, xz, yy, yz, zz."""
+    xx, xy, xz, yy, yz, zz = entries
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def unit_diagonal_scaling(matrices: NDArray[Any], spread: float = np.inf) -> Array:

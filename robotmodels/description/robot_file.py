@@ -101,6 +101,8 @@ from pydantic import (
     model_validator,
 )
 
+from robotmodels.common.arrays import Array
+from robotmodels.common.symmetric_matrices import symmetric_matrix
 from robotmodels.common.yaml_files import FileSection, read_yaml
 from robotmodels.description.counterbalances import Counterbalance
 from robotmodels.description.friction import JointFriction, Speed, equivalent_damping
@@ -184,6 +186,11 @@ class Body(FileSection):
     mass: Mass
     com: Vector
     inertia: Inertia
+
+    @property
+    def inertia_matrix(self) -> Array:
+        """The inertia, (3, 3) [kg m^2]."""
+        return symmetric_matrix(self.inertia)
 
 
 class Spring(FileSection):

@@ -73,13 +73,12 @@ def _load(
 ) -> tuple[Array, Array]:
     """Return the rows of the force or the torque about the sensor's place on the payload."""
     assert payload is not None
-    xx, xy, xz, yy, yz, zz = payload.inertia
     arm = np.array(payload.com) - np.array(output.point)
     at_centre = jacobian.copy()
     at_centre[:3] -= pin.skew(rotation @ arm) @ jacobian[3:]
     u = axis if output.quantity == "force" else np.cross(axis, arm)
     tilt, acceleration = _specific_force(payload.mass * rotation @ u, at_centre, gravity)
     if output.quantity == "torque":
-        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        acceleration = acceleration + (rotation @ inertia @ axis) @ jacobian[3:]
+        turned = rotation @ payload.inertia_matrix @ axis
+        acceleration = acceleration + turned @ jacobian[3:]
     return tilt, acceleration

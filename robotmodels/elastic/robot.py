@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from robotmodels.common.arrays import Array, BoolArray, IntArray, real_numbers
+from robotmodels.common.arrays import Array, BoolArray, IntArray, check_ranges, real_numbers
 from robotmodels.common.deprecation import renamed_keywords
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.file_paths import absolute
@@ -228,14 +228,8 @@ class ElasticRobot:
                 f"positions: an array of shape {positions.shape} was given, (Q, {n}) is needed, "
                 f"one column per motor: {', '.join(self.motor_names)}"
             )
-        low, high = self.position_limits.T
-        outside = ~((positions >= low - 1e-9) & (positions <= high + 1e-9))
-        if outside.any():
-            i, j = np.argwhere(outside)[0]
-            raise InvalidInput(
-                f"position {i}: joint {self.motor_joints[j]!r} at {positions[i, j]:.4g} is outside "
-                f"its limits [{low[j]:.4g}, {high[j]:.4g}]"
-            )
+        names = [f"joint {joint!r}" for joint in self.motor_joints]
+        check_ranges(positions, self.position_limits, "position", names, 1e-9)
         return positions
 
     def equilibrium(self, positions: Array, parameters: Array | None = None) -> Equilibrium:

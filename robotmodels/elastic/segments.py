@@ -112,7 +112,7 @@ def check_bodies(file: RobotFile, rigid: pin.Model) -> None:
 def _check_body(body: Body, who: str) -> None:
     """Refuse what no body can be; nothing at all is one, at the end of a link or of an arm."""
     if body.mass > 0 or any(body.inertia):
-        check_moments(body.mass, _matrix(body), who)
+        check_moments(body.mass, body.inertia_matrix, who)
 
 
 def link_inertias(rigid: pin.Model, joint: int) -> dict[int, Array]:
@@ -248,16 +248,11 @@ def _extent(rigid: pin.Model, link: int) -> tuple[Array, Array]:
 def _placed(rigid: pin.Model, link: int, body: Body) -> Array:
     """Return the inertial parameters of a body on `link` about the frame of the link's joint."""
     com = np.array(body.com)
-    about_link = _matrix(body) + body.mass * (com @ com * np.eye(3) - np.outer(com, com))
+    about_link = body.inertia_matrix + body.mass * (com @ com * np.eye(3) - np.outer(com, com))
     xx, xy, xz, yy, yz, zz = about_link[np.triu_indices(3)]
     parameters = np.array([body.mass, *(body.mass * com), xx, xy, yy, xz, yz, zz])
     inertia = rigid.frames[link].placement.act(_inertia(parameters))
     return np.asarray(inertia.toDynamicParameters())
-
-
-def _matrix(body: Body) -> Array:
-    xx, xy, xz, yy, yz, zz = body.inertia
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def _inertia(parameters: Array) -> pin.Inertia:

@@ -234,9 +234,7 @@ def _add_torsion(body: mujoco.MjsBody, spring: Spring) -> None:
 
 
 def _from_body(body: Body) -> Inertial:
-    xx, xy, xz, yy, yz, zz = body.inertia
-    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    return Inertial(body.mass, np.array(body.com), inertia)
+    return Inertial(body.mass, np.array(body.com), body.inertia_matrix)
 
 
 def _shift(inertial: Inertial | None, by: Array) -> Inertial | None:

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robotmodels.common.arrays import Array
+from robotmodels.common.symmetric_matrices import symmetric_matrix
 from robotmodels.description.joint_drives import Coupling, couplings
 from robotmodels.description.model_files import ModelSource
 from robotmodels.description.urdf_check import checked_urdf
@@ -96,11 +97,8 @@ def _inertial(link: ET.Element) -> Inertial | None:
         return None
     com, rotation = _origin(element)
     entries = _part(element, "inertia")
-    xx, xy, xz, yy, yz, zz = (
-        float(entries.get(k, "0")) for k in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-    )
-    R = rotation.as_matrix()
-    inertia = R @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ R.T
+    names, R = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), rotation.as_matrix()
+    inertia = R @ symmetric_matrix(float(entries.get(name, "0")) for name in names) @ R.T
     return Inertial(float(_part(element, "mass").get("value", "0")), com, inertia)
 
 
