@@ -47,12 +47,10 @@ class Bounded(Protocol):
     @property
     def model(self) -> Elastic:
         """Model that is fitted."""
-        ...
 
     @property
     def bounds(self) -> Array:
         """Lowest and highest values, (2, p)."""
-        ...
 
 
 class Objective(Protocol):
@@ -60,11 +58,9 @@ class Objective(Protocol):
 
     def normal_equations(self, values: Array) -> NormalEquations:
         """Return the cost at `values` (p,), its gradient by ln theta and Gauss-Newton's matrix."""
-        ...
 
     def gradient(self, values: Array) -> tuple[float, Array]:
         """Return the cost and its gradient by ln theta (p,) at `values` (p,)."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +105,6 @@ class Minimiser(Protocol):
         curvature: Curvature | None = None,
     ) -> SearchResult:
         """Return the minimum from `start` (p,), with the curvature of an earlier search if any."""
-        ...
 
 
 class _Point:

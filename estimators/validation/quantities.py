@@ -32,7 +32,6 @@ class Quantity(Protocol):
 
     def __call__(self, model: Elastic, positions: Array, parameters: Array) -> Array | ComplexArray:
         """Return the quantity in each position, (Q, ...); real ones above zero."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -26,12 +26,10 @@ class HasJoints(Protocol):
     @property
     def motor_joints(self) -> Sequence[str]:
         """Names of the n driven joints."""
-        ...
 
     @property
     def position_limits(self) -> Array:
         """Lowest and highest position of each, (n, 2)."""
-        ...
 
 
 def candidate_positions(

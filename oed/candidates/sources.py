@@ -41,12 +41,10 @@ class HasMotors(Protocol):
     @property
     def motor_names(self) -> Sequence[str]:
         """Names of the n motors."""
-        ...
 
     @property
     def motor_joints(self) -> Sequence[str]:
         """Names of their joints."""
-        ...
 
 
 class PositionList(FileSection, extra="ignore"):

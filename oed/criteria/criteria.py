@@ -25,11 +25,9 @@ class Criterion(Protocol):
     @property
     def name(self) -> str:
         """What reports call it."""
-        ...
 
     def objective(self, names: Sequence[str], samples: int = 1) -> Objective:
         """Return the function of the information for these p parameters, `samples` of theta."""
-        ...
 
 
 def _plain(kind: Kind) -> Objective:

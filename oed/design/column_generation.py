@@ -54,18 +54,15 @@ class SpectrumSets(Protocol):
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the p parameters."""
-        ...
 
     def flat(self) -> Columns:
         """Return the flat spectrum of every position."""
-        ...
 
     def best_columns(self, weight: Array, level: float) -> tuple[float, Columns]:
         """Return a bound on tr(W H) of every spectrum, and some of the largest ones.
 
         Positions that cannot come above `level` need not be searched.
         """
-        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,11 +25,9 @@ class White(Protocol):
 
     def prices(self, weight: Array) -> ComplexArray:
         """Return P with tr(W H(X)) = sum_k tr(P_k X_k), (F, n, n)."""
-        ...
 
     def information(self, spectrum: ComplexArray) -> Array:
         """Return H(X), 2 sum_k Re tr(A_a^H A_b X_k), (p, p)."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

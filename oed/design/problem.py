@@ -135,11 +135,9 @@ class DesignSolver(Protocol):
     @property
     def first_goal(self) -> float:
         """Accuracy asked for while candidates are still added; 0 for the final one at once."""
-        ...
 
     def check(self, objective: Objective) -> None:
         """Raise `InvalidInput` if the solver does not take an objective."""
-        ...
 
     def solve(
         self, problem: ScaledProblem, goal: float, near: SolverAnswer | None = None
@@ -160,4 +158,3 @@ class DesignSolver(Protocol):
         SolverFailed
             If there is no answer.
         """
-        ...

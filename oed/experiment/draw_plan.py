@@ -21,17 +21,14 @@ class Planned(Protocol):
     @property
     def name(self) -> str:
         """Its name."""
-        ...
 
     @property
     def motor_names(self) -> Sequence[str]:
         """Names of the n motors."""
-        ...
 
     @property
     def position_limits(self) -> Array:
         """Lowest and highest position of each, (n, 2)."""
-        ...
 
 
 def experiment_plan(

@@ -58,7 +58,6 @@ class Plant(Protocol):
 
         An interrupted run goes on where they are the same.
         """
-        ...
 
     def measure(
         self, plan: ExperimentPlan, visit: int, progress: Progress | None = None
@@ -67,7 +66,6 @@ class Plant(Protocol):
 
         `progress` is called with blocks done and their number.
         """
-        ...
 
 
 @dataclass(frozen=True, eq=False)

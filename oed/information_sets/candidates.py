@@ -18,26 +18,21 @@ class Candidates(Protocol):
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the p parameters."""
-        ...
 
     @property
     def samples(self) -> int:
         """Number K of parameter values for which there is information."""
-        ...
 
     def __len__(self) -> int: ...
 
     def take(self, indices: IntArray) -> Array:
         """Return matrices, (n, p, p), or (n, K, p, p) with samples."""
-        ...
 
     def directional_derivatives(self, weight: Array) -> Array:
         """Return tr(W H_i), (Q,), summed over samples; W is (p, p) or (K, p, p)."""
-        ...
 
     def combined(self, weights: Array) -> Array:
         """Return sum_i w_i H_i, (p, p) or (K, p, p)."""
-        ...
 
 
 def check_candidates(info: object, argument: str = "info") -> None:

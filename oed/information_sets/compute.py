@@ -209,15 +209,12 @@ class ChunkWork(Protocol):
 
     def __call__(self, positions: Array) -> Array:
         """Return the array of some positions."""
-        ...
 
     def prepare(self, positions: Array) -> Prepared:
         """Return what `finish` takes."""
-        ...
 
     def finish(self, prepared: Prepared) -> Array:
         """Return the array of the positions prepared."""
-        ...
 
 
 def in_chunks(

@@ -29,15 +29,12 @@ class Excitation(Protocol):
     @property
     def name(self) -> str:
         """What reports call it."""
-        ...
 
     def runs(self, motors: int) -> int:
         """Return the number of runs of a visit."""
-        ...
 
     def spectrum(self, torque: Array, lines: int) -> ComplexArray:
         """Return Phi of all runs, (F, n, n) [N^2 m^2], for root mean square torques (n,)."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,6 @@ class NoiseLaw(Protocol):
 
     def variance(self, response: ComplexArray) -> Array:
         """Return the variances (Q, F, m, n) of `response` (Q, F, m, n), all positive."""
-        ...
 
 
 class LoopNoise(Protocol):
@@ -50,7 +49,6 @@ class OutputErrors(Protocol):
         self, network: SpringNetwork, response: ComplexArray, omega: Array
     ) -> ComplexArray:
         """Return the covariance of e = Y - G U, (Q, F, m, m), for FRFs G (Q, F, m, n)."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,11 +34,9 @@ class ResidualForm(Protocol):
 
     def difference(self, measured: ComplexArray, modelled: ComplexArray) -> ComplexArray:
         """Return the residual, of the FRFs' shape."""
-        ...
 
     def slope(self, modelled: ComplexArray) -> Array | ComplexArray:
         """Return dg/dG, of the FRF's shape: minus the residual's derivative by the model's FRF."""
-        ...
 
 
 @dataclass(frozen=True)
