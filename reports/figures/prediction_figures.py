@@ -77,6 +77,7 @@ def workspace(prediction: ToolPrediction) -> Drawing:
             dots.set(edgecolors=palette.muted, linewidths=0.4)
             axes.set(title=title, xlabel="from the base's axis [m]")
             axes.set_ylabel("" if k % 2 else "height [m]")
+            axes.tick_params(labelleft=not k % 2)  # the heights beside it
             figure.colorbar(dots, ax=axes)
         return figure
 

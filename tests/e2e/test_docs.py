@@ -217,6 +217,13 @@ def test_axe_finds_no_violation_in_pages_of_the_documentation(site, name):
     assert violations_of(site / f"{name}.html") == []
 
 
+def test_a_page_with_long_formulas_fits_a_phone(site):
+    with chromium() as browser:
+        path = site / "api" / "robots" / "index.html"
+        with open_page(browser, path, 390, 800) as (page, _):
+            assert page.locator("html").evaluate("e => e.scrollWidth") <= 390
+
+
 @pytest.mark.slow
 def test_axe_finds_no_violation_in_any_page_of_the_documentation(site):
     pages, broken = sorted(site.rglob("*.html")), {}
@@ -225,6 +232,9 @@ def test_axe_finds_no_violation_in_any_page_of_the_documentation(site):
         for path, scheme in itertools.product(pages, ("light", "dark")):
             with open_page(browser, path, 1280, 900, color_scheme=scheme) as (page, _):
                 broken[f"{path.relative_to(site)}, {scheme}"] = violations(page)
+                page.set_viewport_size({"width": 390, "height": 800})
+                width = page.locator("html").evaluate("e => e.scrollWidth")
+                assert width <= 390, f"{path.relative_to(site)}: {width} px wide on a phone"
     assert not {name: rules for name, rules in broken.items() if rules}
 
 
