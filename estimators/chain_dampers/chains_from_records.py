@@ -12,7 +12,7 @@ from estimators.chains.identified_chains import ChainIdentification, notes
 from estimators.frf.frf_from_records import MeasuredFrf, measured_frf
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import IdentificationError, InvalidInput
-from robotmodels.common.progress import StageProgress
+from robotmodels.common.progress import StageProgress, tell
 from robotmodels.records.records import Records, iterate_records
 
 # Fewer blocks say too little about what differs from block to block.
@@ -99,8 +99,7 @@ def measured_chains(
     count = len(frf.estimate.positions)
     if not 0 <= position < count:
         raise InvalidInput(f"{path}: position {position + 1}; there are positions 1 to {count}")
-    if progress is not None:
-        progress("chains", 0, 0)
+    tell(progress, "chains", 0, 0)
     identification = chains_from_frf(
         frf.estimate,
         n_masses,
@@ -115,8 +114,7 @@ def measured_chains(
     explained = best is not identification.structured and best.verdict in _EXPLAINED
     warnings = (*frf.warnings, *notes(identification, explained=explained), *reason)
     warnings = (*warnings, *_disagreement(identification, dampers))
-    if progress is not None:
-        progress("chains", 1, 1)
+    tell(progress, "chains", 1, 1)
     return MeasuredChains(frf, position, identification, dampers, warnings)
 
 

@@ -11,7 +11,7 @@ from estimators.sampling.log_posterior import LogPosterior
 from estimators.sampling.student_t_proposal import StudentT
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.errors import InvalidInput
-from robotmodels.common.progress import Progress
+from robotmodels.common.progress import Progress, tell
 
 LogProbability = Callable[[Array], Array]
 
@@ -135,14 +135,12 @@ def run_ensembles(
             done = mark
             if store is not None:
                 store.save(chains)
-            if progress is not None:
-                progress(per_snapshot * mark, per_snapshot * limit)
+            tell(progress, per_snapshot * mark, per_snapshot * limit)
         if has_converged is not None and has_converged(
             np.stack([c.walkers[:mark] for c in chains])
         ):
             break
-    if progress is not None:
-        progress(per_snapshot * mark, per_snapshot * mark)
+    tell(progress, per_snapshot * mark, per_snapshot * mark)
     taken = np.mean([c.accepted[:mark] for c in chains])
     return np.stack([c.walkers[:mark] for c in chains]), float(taken)
 

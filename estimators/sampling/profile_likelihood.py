@@ -25,7 +25,7 @@ from estimators.sampling.profile_search import (
 from estimators.sampling.student_t_proposal import laplace, student_t
 from robotmodels.common.arrays import Array, check_level, read_only
 from robotmodels.common.printing import ReprHtml
-from robotmodels.common.progress import Progress
+from robotmodels.common.progress import Progress, tell
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,8 +152,7 @@ def profile_likelihood(
     profiles = []
     for profile in map(one, tasks) if executor is None else executor.map(one, tasks):
         profiles.append(profile)
-        if progress is not None:
-            progress(len(profiles), len(tasks))
+        tell(progress, len(profiles), len(tasks))
     return tuple(profiles)
 
 

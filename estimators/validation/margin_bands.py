@@ -11,7 +11,7 @@ from estimators.uncertainty.recommended import recommended_uncertainty
 from estimators.validation.bands import checked_spread
 from robotmodels.common.arrays import Array, IntArray, check_count, real_numbers
 from robotmodels.common.errors import NoEquilibrium
-from robotmodels.common.progress import Progress
+from robotmodels.common.progress import Progress, tell
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.linear.response import Elastic
 from robotmodels.simulation.linear_feedback import LinearFeedback, Notch, linear_feedback
@@ -111,8 +111,7 @@ def predict_margins(
     each = []
     for i, x in enumerate(drawn):
         each.append(_margins_or_none(model, positions, feedback, np.exp(x)))
-        if progress is not None:
-            progress(i + 1, len(drawn))
+        tell(progress, i + 1, len(drawn))
     values = stacked(each)
     lower, upper = (_quantile(values, q) for q in ((1 - level) / 2, (1 + level) / 2))
     unstable = np.asarray((~values["stable"].astype(bool)).sum(axis=0))

@@ -15,7 +15,7 @@ from estimators.validation.bands import (
     thinned,
 )
 from robotmodels.common.arrays import Array, ComplexArray, read_only
-from robotmodels.common.progress import Progress
+from robotmodels.common.progress import Progress, tell
 from robotmodels.linear.modes import anti_resonances, resonances
 from robotmodels.linear.response import Elastic, sensitivity
 
@@ -232,8 +232,7 @@ def workspace_map(
                 diagonal.max(axis=(1, 2)),
             )
         )
-        if progress is not None:
-            progress(min(first + chunk, len(positions)), len(positions))
+        tell(progress, min(first + chunk, len(positions)), len(positions))
     parts = (read_only(np.concatenate(part)) for part in zip(*rows, strict=True))
     return WorkspaceMap(read_only(positions), *parts)
 

@@ -9,7 +9,7 @@ from oed.campaign.visits import Visit
 from oed.experiment.prepare import controller_of, imperfections_of
 from oed.experiment.run_experiment import SimulatedPlant
 from robotmodels import ElasticRobot
-from robotmodels.common.progress import Progress
+from robotmodels.common.progress import Progress, tell
 
 
 def simulate_visits(
@@ -45,5 +45,4 @@ def simulate_visits(
         plant.measure(visit.plan, 0).save(part)
         visit.take(part)
         part.unlink()
-        if progress is not None:
-            progress(done + 1, len(visits))
+        tell(progress, done + 1, len(visits))

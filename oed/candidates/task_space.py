@@ -14,7 +14,7 @@ from robotmodels.common.arrays import (
     real_numbers,
 )
 from robotmodels.common.errors import InvalidInput
-from robotmodels.common.progress import Progress
+from robotmodels.common.progress import Progress, tell
 from robotmodels.elastic.inverse_kinematics import Tool, inverse_kinematics
 from robotmodels.elastic.robot import ElasticRobot
 
@@ -148,8 +148,7 @@ def task_space_positions(
                 rng=rng,
             )
         )
-        if progress is not None:
-            progress(i + 1, len(targets))
+        tell(progress, i + 1, len(targets))
     counts = np.array([len(positions) for positions in solutions])
     if not counts.any():
         raise InvalidInput(

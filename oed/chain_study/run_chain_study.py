@@ -18,7 +18,7 @@ from oed.chain_study.study_file import ChainStudy, study_chains, study_controlle
 from oed.experiment.loop_settings import per_motor
 from oed.experiment.multisine import band_multisine, random_phases
 from robotmodels.common.arrays import Array, ComplexArray
-from robotmodels.common.progress import StageProgress
+from robotmodels.common.progress import StageProgress, tell
 from robotmodels.linear.coupled_chains import CoupledChains
 from robotmodels.records.records import Records
 from robotmodels.simulation.controller import Controller
@@ -103,13 +103,11 @@ def run_chain_study(
     truth = study_chains(study.chains)
     motors = tuple(f"motor {i + 1}" for i in range(len(truth.masses)))
     controller = study_controller(study.experiment, motors)
-    if progress is not None:
-        progress("records", 0, 0)
+    tell(progress, "records", 0, 0)
     records = simulated_records(study, truth, controller, motors)
     path = folder / "records.h5"
     records.save(path)
-    if progress is not None:
-        progress("records", 1, 1)
+    tell(progress, "records", 1, 1)
     measured = measured_chains(path, truth.masses.shape[1], progress=progress)
     modes = measured.identification.modes
     responses = held_responses(records, modes)

@@ -28,7 +28,7 @@ from robotmodels.collision.surroundings import Surroundings
 from robotmodels.common.arrays import Array, BoolArray
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.printing import ReprHtml
-from robotmodels.common.progress import Progress
+from robotmodels.common.progress import Progress, tell
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.linear.noise import LoopNoise, NoiseLaw
 
@@ -206,8 +206,7 @@ def refined_over(
     for done in range(1, max_rounds + 1):
         ascent = _ascend(region, candidates, design, objective, check, len(info), tolerance)
         beyond = max(float(ascent.excess.max(initial=0.0)), 0.0)
-        if progress is not None:
-            progress(done, max_rounds)
+        tell(progress, done, max_rounds)
         if beyond <= tolerance or done == max_rounds:
             break
         useful = ascent.excess > 0.1 * tolerance

@@ -16,7 +16,7 @@ from robotmodels.common.arrays import Array, IntArray, check_above_zero, read_on
 from robotmodels.common.deprecation import renamed_keywords
 from robotmodels.common.errors import InvalidInput, NotIdentifiable, check_word
 from robotmodels.common.printing import ReprHtml
-from robotmodels.common.progress import Progress
+from robotmodels.common.progress import Progress, tell
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,8 +215,7 @@ def experiment_curve(
         else:
             feasible.append(n)
             plans.append(following.plan)
-        if progress is not None:
-            progress(i + 1, len(numbers))
+        tell(progress, i + 1, len(numbers))
     return ExperimentCurve(
         counts=read_only(np.array(feasible)),
         std=read_only(np.array([standard_deviations(plan.information) for plan in plans])),

@@ -12,7 +12,7 @@ from oed.experiment.multisine import Multisine, random_phases
 from oed.experiment.visiting_order import visiting_order
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.errors import InvalidInput
-from robotmodels.common.progress import Progress
+from robotmodels.common.progress import Progress, tell
 
 
 class Planned(Protocol):
@@ -131,8 +131,7 @@ def _phases(
     for visit in range(visits):
         drawn = random_phases(multisine, blocks, rng=rng)
         phases.append(reduced_crest(multisine, drawn, crest_iterations))
-        if progress is not None:
-            progress(visit + 1, visits)
+        tell(progress, visit + 1, visits)
     return np.array(phases)
 
 

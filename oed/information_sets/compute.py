@@ -13,7 +13,7 @@ from oed.information_sets.matrix_checks import candidate_rows
 from robotmodels.common.arrays import Array, check_memory
 from robotmodels.common.deprecation import renamed_keywords
 from robotmodels.common.errors import InvalidInput
-from robotmodels.common.progress import Progress
+from robotmodels.common.progress import Progress, tell
 from robotmodels.linear.equilibrium_sensitivity import Tangents
 from robotmodels.linear.noise import LoopNoise, NoiseLaw, RelativeNoise, SeparableNoise
 from robotmodels.linear.response import Elastic, check_omega, linearization, sensitivity_about
@@ -253,8 +253,7 @@ def counted(parts: Iterable[Array], total: int, progress: Progress | None) -> It
     for part in parts:
         yield part
         done += len(part)
-        if progress is not None:
-            progress(done, total)
+        tell(progress, done, total)
 
 
 Item = TypeVar("Item")

@@ -19,7 +19,7 @@ from oed.information_sets.stored_information import (
 )
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import InvalidInput
-from robotmodels.common.progress import Progress
+from robotmodels.common.progress import Progress, tell
 
 
 def store_by_workers(
@@ -69,8 +69,7 @@ def store_by_workers(
                 file.write(answer.tobytes())
                 answer = answer.sum(axis=0)
             total += answer
-            if progress is not None:
-                progress(min(start + chunk, len(positions)), len(positions))
+            tell(progress, min(start + chunk, len(positions)), len(positions))
         write_total(file, total)
     return StoredInformation.open(path)
 

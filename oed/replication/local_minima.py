@@ -25,7 +25,7 @@ from oed.study.stages.fit import SAME_COST, weights_of
 from oed.study.stages.run import Run
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import IdentificationWarning, InvalidInput
-from robotmodels.common.progress import Progress
+from robotmodels.common.progress import Progress, tell
 from robotmodels.records.records import Records, iterate_records
 
 SEARCHED = ("LLS15U", "NLS15O")
@@ -110,8 +110,7 @@ def local_minima(
         records = list(_measured(run, choice.positions, amplitude, results))
         for blocks in sorted(choice.blocks):
             excitations.append(_fitted(run, records, amplitude, blocks, starts, results.truth))
-            if progress is not None:
-                progress(len(excitations), len(amplitudes) * len(choice.blocks))
+            tell(progress, len(excitations), len(amplitudes) * len(choice.blocks))
     return LocalMinima(len(records), len(starts), tuple(excitations))
 
 

@@ -21,7 +21,7 @@ from oed.study.stages.fit import Search, start_number
 from robotmodels import ElasticRobot
 from robotmodels.common.arrays import Array, ComplexArray, IntArray
 from robotmodels.common.errors import IdentificationError
-from robotmodels.common.progress import Progress
+from robotmodels.common.progress import Progress, tell
 
 REFERENCE = "LLS15U"
 """Its best model normalises costs and parameters."""
@@ -138,8 +138,7 @@ def evaluate(
     )
     for i, pair in enumerate(judged):
         costs[i] = pair
-        if progress is not None:
-            progress(i + 1, len(fits))
+        tell(progress, i + 1, len(fits))
     shape = (len(ESTIMATORS), len(starts))
     order = np.array([order_of_costs(row) for row in costs[:, 0].reshape(shape)])
 

@@ -20,7 +20,7 @@ import numpy as np
 from oed.replication.prediction_error_fit import fit_prediction_errors
 from oed.study.settings.study_file import TimeDomainChoice
 from robotmodels.common.arrays import Array
-from robotmodels.common.progress import Progress
+from robotmodels.common.progress import Progress, tell
 
 if TYPE_CHECKING:
     from oed.replication.rollout_fit import RolloutCase, RolloutFit
@@ -136,8 +136,7 @@ def compare(
     done = count(1)
 
     def finished() -> None:
-        if progress is not None:
-            progress(next(done), total)
+        tell(progress, next(done), total)
 
     ways = [_ours(robot, records, distances)]
     for name, search in searches.items():

@@ -32,7 +32,7 @@ from reports.page_elements import (
 from reports.summaries.frf_summary import excess, loop_words, ranked, relative_std
 from robotmodels.common.arrays import Array
 from robotmodels.common.atomic_files import write_text
-from robotmodels.common.progress import StageProgress
+from robotmodels.common.progress import StageProgress, tell
 
 _DISTORTED = 2.0
 """Total variance over that of noise from which distortion dominates."""
@@ -83,8 +83,7 @@ def frf_sections(
         responses.append(_response(measurement, q))
         if (lines := _detection(measurement, q)) is not None:
             detection.append(lines)
-        if progress is not None:
-            progress("page", q + 1, total)
+        tell(progress, "page", q + 1, total)
     contents: list[tuple[str, str, dict[str, Any]]] = [
         ("summary", "Summary", {"facts": _facts(measurement), "source": source}),
         (

@@ -31,7 +31,7 @@ from reports.sections import (
     validation,
 )
 from reports.sections.plan_labels import visit_numbers
-from robotmodels.common.progress import StageProgress
+from robotmodels.common.progress import StageProgress, tell
 
 
 def study_sections(
@@ -57,8 +57,7 @@ def study_sections(
             section = None
         if section is not None:
             sections.append(section)
-        if progress is not None:
-            progress("report", number, len(makers))
+        tell(progress, "report", number, len(makers))
     if results.run.failures or failed:
         sections.insert(1, failures.section([*results.run.failures, *failed]))
     return sections, tuple(failed)

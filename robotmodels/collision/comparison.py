@@ -20,7 +20,7 @@ from robotmodels.collision.pair_checker import PairChecker
 from robotmodels.collision.shapes import Shape
 from robotmodels.collision.turntable import Turntable
 from robotmodels.common.arrays import Array, BoolArray, IntArray, distinct_rows
-from robotmodels.common.progress import Progress
+from robotmodels.common.progress import Progress, tell
 from robotmodels.elastic.rigid_pose import configurations
 from robotmodels.elastic.robot import ElasticRobot
 
@@ -75,8 +75,7 @@ class Comparison:
             for part in self._compared(members, few, executor):
                 parts.append(part)
                 decided += len(members) * len(part) / len(few)
-                if progress is not None:
-                    progress(round(len(positions) * decided / len(self.pairs)), len(positions))
+                tell(progress, round(len(positions) * decided / len(self.pairs)), len(positions))
             touching[:, members] = np.concatenate(parts)[each]
         return touching
 

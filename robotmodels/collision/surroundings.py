@@ -19,7 +19,7 @@ from robotmodels.collision.pair_checker import PairChecker
 from robotmodels.collision.shapes import RobotShapes, Shape, robot_shapes
 from robotmodels.common.arrays import Array, BoolArray, check_above_zero
 from robotmodels.common.errors import InvalidInput, check_word
-from robotmodels.common.progress import Progress
+from robotmodels.common.progress import Progress, tell
 from robotmodels.elastic.rigid_pose import configurations
 from robotmodels.elastic.robot import ElasticRobot
 
@@ -108,8 +108,7 @@ class Surroundings:
         """Return which of `pairs` touch, (Q, pairs), at `positions` (Q, n) within their limits."""
         if len(positions) < _MANY:
             hits = self._checker(configurations(self.robot, positions))
-            if progress is not None:
-                progress(len(positions), len(positions))
+            tell(progress, len(positions), len(positions))
         else:
             pairs = self._checker.pairs
             many = Comparison(self.robot, self._things, pairs, self.margin)

@@ -9,7 +9,7 @@ import numpy as np
 
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import InvalidInput
-from robotmodels.common.progress import Progress
+from robotmodels.common.progress import Progress, tell
 from robotmodels.data_files.file_guard import library_errors
 from robotmodels.logs.column_store import ColumnStore
 from robotmodels.logs.log import Channel, Log, Table, unique_names
@@ -36,8 +36,7 @@ def read_parquet_log(path: Path, stack: ExitStack, progress: Progress | None = N
                 raise InvalidInput(f"{path}: lists in it change their lengths at row {done}")
             store.append(np.stack(list(columns.values()), axis=1))
             done += batch.num_rows
-            if progress is not None:
-                progress(done, total)
+            tell(progress, done, total)
     if store is None or not names:
         raise InvalidInput(f"{path}: no column of numbers in it")
     channels = {name: store.channel(i) for i, name in enumerate(names)}

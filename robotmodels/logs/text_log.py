@@ -12,7 +12,7 @@ import numpy as np
 
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import InvalidInput
-from robotmodels.common.progress import Progress
+from robotmodels.common.progress import Progress, tell
 from robotmodels.data_files.file_guard import library_errors
 from robotmodels.logs.column_store import ColumnStore
 from robotmodels.logs.log import Channel, Log, Table, unique_names
@@ -50,8 +50,7 @@ def read_text_log(path: Path, stack: ExitStack, progress: Progress | None = None
             store.append(block)
             dropped += len(lines) - len(block)
             characters += sum(map(len, lines))
-            if progress is not None:
-                progress(min(characters, size), size)
+            tell(progress, min(characters, size), size)
     if not store.rows:
         raise InvalidInput(f"{path}: no rows of numbers below its header")
     notes = [f"{path.name}: {dropped} lines that are no rows of numbers were dropped"]
