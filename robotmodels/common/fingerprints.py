@@ -44,7 +44,9 @@ def _rounded(array: NDArray[Any]) -> str:
     flat = np.ravel(array)
     size = np.abs(flat)
     least = 1e-12 * float(size.max(initial=0.0, where=np.isfinite(size)))
-    return " ".join("0" if s <= least else f"{x:.5g}" for x, s in zip(flat, size, strict=True))
+    return " ".join(
+        "0" if s <= least else f"{x:.5g}" for x, s in zip(flat.tolist(), size.tolist(), strict=True)
+    )
 
 
 _CHUNK = 1 << 20
