@@ -65,7 +65,7 @@ def measured(positions: int) -> dict[str, Any]:
         return len(data.embedded([f"{q}" for q in range(positions)], names, names, names))
 
     def drawn() -> int:  # one position, as it takes long; pictures of points where SVG is large
-        curves = bode(omega, estimate.response[0], std[0], names, names, (fine, model[0]))
+        curves = bode(omega, estimate.response[0], std[0], names, names, (fine, model[0], None))
         return len(inline(curves, "in-0", "panels"))
 
     ways = {"panels as SVG": written, "data of the script": embedded, "matplotlib, one": drawn}
