@@ -136,6 +136,11 @@ def typeset(words: str) -> str:
     return re.sub(r"(?<=\s)-(?=\d)", MINUS, powers.replace("+-", "±"))
 
 
+def level(coverage: float) -> str:
+    """Return the nominal coverage of an interval, ``95 %``."""
+    return f"{100 * coverage:.3g} %"
+
+
 def value_and_ends(value: float, low: float, high: float) -> tuple[str, str]:
     """Return ``5.047`` and ``5.043 to 5.051``, with digits by the width of the band."""
     if not (math.isfinite(low) and math.isfinite(high)):

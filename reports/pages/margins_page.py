@@ -34,7 +34,7 @@ def write_margins_page(
     ]
     lead = (
         f"What the identified parameters say of the controller in "
-        f"{text.plural(len(band.positions), 'position')}, with {band.level:.0%} intervals of their "
+        f"{text.plural(len(band.positions), 'position')}, with {text.level(band.level)} intervals of their "
         f"remaining uncertainty ({spread}); errors of the model are not in them."
     )
     banner, kicker = bands_banner(band.level, trust), "What this means for the controller"

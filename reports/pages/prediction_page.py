@@ -44,7 +44,7 @@ def write_prediction_page(
         sections.append(Section("responses", "Responses", _body(drawings)))
     table = prediction_table(prediction)
     sections.append(Section("positions", "Compliance and modes", _body([], table)))
-    lead = f"What the identified parameters say of {where}, with {_level(prediction)} "
+    lead = f"What the identified parameters say of {where}, with {text.level(prediction.compliance.level)} "
     lead += f"bands of their remaining uncertainty ({spread}); errors of the model are not in them."
     banner = bands_banner(prediction.compliance.level, trust)
     content = page(name, "prediction", "How stiff the tool is", lead, sections, banner)
@@ -56,7 +56,7 @@ def _responses(prediction: ToolPrediction, count: int) -> list[Figure]:
     alt = "Magnitude over frequency along x, y and z with bands"
     caption = (
         f"{prediction.motion.capitalize()} of {frame.link} per force along the same axis of the "
-        f"{frame.axes}, motors {prediction.motors}. Shaded: {_level(prediction)} "
+        f"{frame.axes}, motors {prediction.motors}. Shaded: {text.level(prediction.compliance.level)} "
         "bands; below: relative standard deviation of the magnitude."
     )
     return [
@@ -69,10 +69,6 @@ def _responses(prediction: ToolPrediction, count: int) -> list[Figure]:
         )
         for i, point in enumerate(prediction.points[:count])
     ]
-
-
-def _level(prediction: ToolPrediction) -> str:
-    return f"{100 * prediction.compliance.level:.0f} %"
 
 
 def _words(point: Array) -> str:

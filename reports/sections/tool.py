@@ -34,7 +34,7 @@ def section(results: StudyResults) -> Section | None:
 
 def mode_table(prediction: ToolPrediction) -> Table:
     """Return frequency and damping ratio of every mode in each position, with their bands."""
-    level = f"{100 * prediction.resonances.level:.0f} % band"
+    level = f"{text.level(prediction.resonances.level)} band"
     columns = numbers(
         "position", "mode", "resonance [Hz]", f"{level} of it [Hz]", "damping [%]",
         f"{level} of it [%]",
@@ -63,7 +63,7 @@ def bands_words(results: StudyResults) -> Markup:
 
 def prediction_table(prediction: ToolPrediction) -> Table:
     """Return where the tool is, its compliance, first resonance and damping with their bands."""
-    level = f"{100 * prediction.compliance.level:.0f} % band"
+    level = f"{text.level(prediction.compliance.level)} band"
     columns = numbers(
         "position", "x [m]", "y [m]", "z [m]", "softest [µm/N]", f"{level} of it [µm/N]",
         "middle [µm/N]", "stiffest [µm/N]", "resonance [Hz]", f"{level} of it [Hz]",

@@ -136,7 +136,7 @@ def interval_words(one: Interval, factor: float = 1.0) -> str:
 
 def bands_banner(coverage: float, trust: Trust | None) -> Markup:
     """Return the verdict on the fit, or on what the bands rest if there is none."""
-    level = f"Quote values with their {coverage:.0%} bands"
+    level = f"Quote values with their {text.level(coverage)} bands"
     if trust is None:
         reason = "The bands rest on the standard deviations of the robot file"
         return page_banner("As certain as the robot file", "sound", reason, quote=f"{level}.")

@@ -36,7 +36,7 @@ def margins_summary(margins: ControllerMargins, spread: str, written: Sequence[P
     unstable = int(np.argmax(band.unstable))
     lines = [
         f"worst over {text.plural(len(band.positions), 'position')}, in brackets what "
-        f"{band.level:.0%} intervals allow; each loop with the others closed; "
+        f"{text.level(band.level)} intervals allow; each loop with the others closed; "
         f"–: no limit; draws: {spread}",
         *table(header, worst_rows(margins), right=range(1, 6)),
         f"  largest singular value of S: {number(band.nominal.largest_sensitivity.max())}",

@@ -110,3 +110,7 @@ def test_bands_have_digits_by_their_width():
     assert text.value_and_ends(64.2, 41.0, 99.0) == ("64", "41 to 99")
     assert text.value_and_ends(2.0, 2.0, 2.0) == ("2.00", "2.00 to 2.00")
     assert text.value_and_ends(2.0, np.nan, np.nan) == ("2.00", "–")
+
+
+def test_coverages_stand_apart_from_per_cent():
+    assert [text.level(one) for one in (0.95, 0.9, 0.999)] == ["95 %", "90 %", "99.9 %"]
