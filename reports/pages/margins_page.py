@@ -34,8 +34,8 @@ def write_margins_page(
     ]
     lead = (
         f"What the identified parameters say of the controller in "
-        f"{text.plural(len(band.positions), 'position')}, with {text.level(band.level)} intervals of their "
-        f"remaining uncertainty ({spread}); errors of the model are not in them."
+        f"{text.plural(len(band.positions), 'position')}, with {text.level(band.level)} intervals "
+        f"of their remaining uncertainty ({spread}); errors of the model are not in them."
     )
     banner, kicker = bands_banner(band.level, trust), "What this means for the controller"
     write_text(path, page(name, "margins", kicker, lead, sections, banner))

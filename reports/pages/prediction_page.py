@@ -44,7 +44,8 @@ def write_prediction_page(
         sections.append(Section("responses", "Responses", _body(drawings)))
     table = prediction_table(prediction)
     sections.append(Section("positions", "Compliance and modes", _body([], table)))
-    lead = f"What the identified parameters say of {where}, with {text.level(prediction.compliance.level)} "
+    level = text.level(prediction.compliance.level)
+    lead = f"What the identified parameters say of {where}, with {level} "
     lead += f"bands of their remaining uncertainty ({spread}); errors of the model are not in them."
     banner = bands_banner(prediction.compliance.level, trust)
     content = page(name, "prediction", "How stiff the tool is", lead, sections, banner)
@@ -56,8 +57,8 @@ def _responses(prediction: ToolPrediction, count: int) -> list[Figure]:
     alt = "Magnitude over frequency along x, y and z with bands"
     caption = (
         f"{prediction.motion.capitalize()} of {frame.link} per force along the same axis of the "
-        f"{frame.axes}, motors {prediction.motors}. Shaded: {text.level(prediction.compliance.level)} "
-        "bands; below: relative standard deviation of the magnitude."
+        f"{frame.axes}, motors {prediction.motors}. "
+        f"Shaded: {text.level(prediction.compliance.level)} bands; below: relative standard deviation of the magnitude."
     )
     return [
         figure(

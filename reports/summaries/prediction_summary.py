@@ -28,7 +28,7 @@ def tool_summary(prediction: ToolPrediction, spread: str, written: Sequence[Path
         )
         where = " ".join(f"{x:5.2f}" for x in point)
         rows.append((f"{i + 1}", where, *(cell for pair in quantities for cell in pair)))
-    band = f"{100 * prediction.compliance.level:.0f} % band"
+    band = f"{text.level(prediction.compliance.level)} band"
     header = (
         "no.",
         "tool at x, y, z\n[m]",
