@@ -58,7 +58,8 @@ def _responses(prediction: ToolPrediction, count: int) -> list[Figure]:
     caption = (
         f"{prediction.motion.capitalize()} of {frame.link} per force along the same axis of the "
         f"{frame.axes}, motors {prediction.motors}. "
-        f"Shaded: {text.level(prediction.compliance.level)} bands; below: relative standard deviation of the magnitude."
+        f"Shaded: {text.level(prediction.compliance.level)} bands; "
+        "below: relative standard deviation of the magnitude."
     )
     return [
         figure(
