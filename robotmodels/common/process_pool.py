@@ -6,12 +6,13 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
-from multiprocessing import forkserver
+from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import wait
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -65,15 +66,14 @@ class ProcessPool(Executor):
     def __init__(self, workers: int, restarts: int = 3, modules: Sequence[str] = ()) -> None:
         _check_script()
         context = multiprocessing.get_context("forkserver" if _FORKS else "spawn")
-        if modules and _FORKS:
-            context.set_forkserver_preload(list(modules))
+        load_ahead(modules)
         self._begun = context.Event()
         self._make = partial(
             ProcessPoolExecutor,
             workers,
             mp_context=context,
             initializer=_prepare_worker,
-            initargs=(self._begun,),
+            initargs=(self._begun, dict(os.environ)),
         )
         self._pool = self._make()
         self.workers = workers
@@ -174,9 +174,35 @@ def load_ahead(modules: Sequence[str]) -> None:
 
     It does nothing where processes do not begin as copies of one, or that one runs already.
     """
-    if _FORKS:
-        forkserver.set_forkserver_preload(list(modules))
+    if not _FORKS:
+        return
+    # Without the script, whose threads and locks copies would not survive.
+    forkserver.set_forkserver_preload(list(modules))
+    with _inherited():
         forkserver.ensure_running()
+
+
+@contextmanager
+def _inherited() -> Iterator[None]:
+    """Let a process begin that takes modules from where this one does, and no interrupt.
+
+    By itself it would look for them in the working directory first.
+    """
+    resource_tracker.ensure_running()  # which would let interrupts through
+    before = dict(os.environ)
+    os.environ.update(PYTHONSAFEPATH="1", PYTHONPATH=os.pathsep.join(sys.path))
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        _set_environment(before)
+
+
+def _set_environment(variables: Mapping[str, str]) -> None:
+    for name in os.environ.keys() - variables.keys():
+        del os.environ[name]
+    os.environ.update(variables)
 
 
 class Behind(Executor):
@@ -235,11 +261,14 @@ def collect_rarely() -> None:
     gc.set_threshold(100_000, 50, 50)
 
 
-def _prepare_worker(begun: "Event") -> None:
+def _prepare_worker(begun: "Event", environment: Mapping[str, str]) -> None:
     """Let an interrupt end a worker without a traceback, and a killed parent take it along."""
     begun.set()
+    _set_environment(environment)
     collect_rarely()
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    if _FORKS:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 

@@ -176,3 +176,34 @@ def test_tasks_behind_let_others_go_first(tmp_path):
     assert order.index("other") <= 2
     assert behind_others(None) is None
     assert behind_others(thread) is thread
+
+
+COPIES = """
+import os, signal
+from multiprocessing import forkserver
+from robotmodels import ProcessPool
+from robotmodels.common.process_pool import load_ahead
+if __name__ == "__main__":
+    load_ahead(["wave", "slow"])
+    os.kill(forkserver._forkserver._forkserver_pid, signal.SIGINT)
+    for value in "12":
+        os.environ["GIVEN"] = value
+        with ProcessPool(1) as pool:
+            print(*pool.map(os.getenv, ["GIVEN", "PYTHONSAFEPATH"]))
+            print(*pool.map(eval, ["hasattr(__import__('wave'), 'fast')", "__import__('slow').fast"]))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="processes are copies of one on Linux only")
+def test_copies_have_modules_and_environment_of_their_origin_and_no_interrupt(tmp_path):
+    """Neither modules of the working directory nor the environment of the first pool."""
+    script, here = tmp_path / "script", tmp_path / "here"
+    for folder in (script, here):
+        folder.mkdir()
+    (script / "run.py").write_text(COPIES)
+    (script / "slow.py").write_text("import time; time.sleep(0.3); fast = False")
+    for name in ("wave", "slow", "robotmodels"):
+        (here / f"{name}.py").write_text("print('of the working directory')")
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONSAFEPATH"}
+    done = ran([sys.executable, str(script / "run.py")], cwd=here, env=environment)
+    assert done == (0, "1 None\nFalse False\n2 None\nFalse False\n", "")
