@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -29,6 +30,9 @@ _NEVER_BEGAN = (
 
 _FORKS = sys.platform == "linux"
 """Whether processes are copies of one that does nothing else, which is safe nowhere else."""
+
+_UNTIL_GONE = 0.1
+"""From the end of a process's files to that of the process, at most [s]."""
 
 T = TypeVar("T")
 Call = Callable[[], Any]
@@ -78,7 +82,7 @@ class ProcessPool(Executor):
         self._pool = self._make()
         self.workers = workers
         self._restarts = restarts
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
         for module in modules:
             self.load(module)
 
@@ -116,6 +120,13 @@ class ProcessPool(Executor):
                 raise self._explained(error) from error
             self._start(outer, call)
             return
+        except (EOFError, ConnectionError) as error:
+            # The process that others are copies of has just been killed.
+            if not self._counted():
+                raise self._explained(BrokenProcessPool(str(error))) from error
+            time.sleep(_UNTIL_GONE)
+            self._start(outer, call)
+            return
         outer.add_done_callback(lambda done: inner.cancel() if done.cancelled() else None)
         inner.add_done_callback(partial(self._finish, outer, call, pool))
 
@@ -148,11 +159,18 @@ class ProcessPool(Executor):
         with self._lock:
             if self._pool is not broken:
                 return True  # for another task that was lost
-            if not self._restarts or not self._begun.is_set():
+            if not self._begun.is_set() or not self._counted():
                 return False
-            self._restarts -= 1
             # The broken pool ends by itself; to wait for it in its own thread would be for ever.
             self._pool = self._make()
+        return True
+
+    def _counted(self) -> bool:
+        """Return whether one more death is made good."""
+        with self._lock:
+            if not self._restarts:
+                return False
+            self._restarts -= 1
         return True
 
     def _explained(self, error: BrokenProcessPool) -> Exception:
