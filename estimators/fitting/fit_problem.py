@@ -4,7 +4,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from threading import Lock
 from typing import TYPE_CHECKING, Any, TypeVar
+from weakref import ref
 
 import numpy as np
 
@@ -27,8 +29,12 @@ Measured = FrfEstimate | RunSpectra
 Derived = tuple[ComplexArray, ComplexArray]
 """FRF of the model (Q, F, m, n) and its derivatives by ln theta, (Q, F, m, n, p)."""
 
-
 T = TypeVar("T")
+
+_RECENT: "list[ref[FitProblem]]" = []
+_LOCK = Lock()
+_MOST = 2
+"""Problems that memoise: derivatives of one of 12 positions and 64 lines take 50 MB."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -195,7 +201,16 @@ class FitProblem(ABC):
         if latest is None or latest[0] != key:
             latest = key, compute(values)
         self._latest[name] = latest
+        self._forget_others()
         return latest[1]
+
+    def _forget_others(self) -> None:
+        """Let the problems that have not been asked for longest forget what they memoise."""
+        with _LOCK:
+            recent = [one for one in (link() for link in _RECENT) if one and one is not self]
+            for old in recent[: 1 - _MOST]:
+                old._latest.clear()
+            _RECENT[:] = map(ref, [*recent[1 - _MOST :], self])
 
     @cached_property
     def _latest(self) -> dict[str, tuple[bytes, Any]]:

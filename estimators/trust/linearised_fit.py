@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.common.arrays import Array, ComplexArray, read_only
 from robotmodels.common.errors import NotIdentifiable
 from robotmodels.common.symmetric_matrices import ROUNDING, SPREAD, scaled_eigh, scaled_pinv
 
@@ -70,6 +70,11 @@ class LinearisedFit:
     sharing: float = 1.0
     real: bool = False
     logarithmic: bool = False
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if isinstance(value, np.ndarray):
+                object.__setattr__(self, name, read_only(value))
 
     @property
     def parts(self) -> int:
