@@ -294,5 +294,5 @@ class RunRecord:
 
     @property
     def total_seconds(self) -> float:
-        """Time of all stages."""
+        """Sum of the times of all stages, some of which ran side by side."""
         return sum(self.seconds.values())

@@ -36,7 +36,7 @@ def study_summary(results: PlannedStudy, written: list[Path]) -> str:
         lines += _trust_lines(results.trust, results.fit_summary)
     lines.append(("next", plain(next_step(results).sentence)))
     lines += [("FAILED", f"{one.name}: {one.reason}") for one in results.run.failures]
-    lines.append(("computed", f"in {_time(results)}"))
+    lines.append(("stages", _time(results)))
     if results.run.loaded:
         lines.append(("reused", f"{', '.join(results.run.loaded)} (inputs unchanged)"))
     printed = [results.robot.name]
@@ -210,4 +210,4 @@ def _percent(fraction: float) -> str:
 def _time(r: PlannedStudy) -> str:
     slowest = sorted(r.run.seconds.items(), key=lambda item: -item[1])[:3]
     parts = ", ".join(f"{stage} {s:.1f}" for stage, s in slowest)
-    return f"{plain(duration(r.run.total_seconds))} ({parts})"
+    return f"{plain(duration(r.run.total_seconds))} in sum ({parts})"
