@@ -98,14 +98,17 @@ class ElasticRobot:
     def arm_with(self, sensor: Output, theta: Array) -> Arm:
         """Return the arm at `theta` (p,) with the frame of one more sensor on a link.
 
-        It is built once where no parameter changes its bodies.
+        It is built once for frames in a row that are the same, where no parameter changes its
+        bodies.
         """
         name = None if self.elements.extra_columns else (sensor.of, sensor.at)
-        if name in self._arms_with_sensors:
-            return self._arms_with_sensors[name]
+        latest = self._arms_with_sensors.get(name)
+        if latest is not None:
+            return latest
         file = self.elements.file_at(theta).model_copy(update={"outputs": [sensor]})
         arm = build_arm(file, self.rigid, self.couplings)
         if name is not None:
+            self._arms_with_sensors.clear()  # arms of many frames would travel with the robot
             self._arms_with_sensors[name] = arm
         return arm
 

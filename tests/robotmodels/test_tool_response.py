@@ -1,5 +1,7 @@
 """Compliance and receptance of points of links, against closed forms and MuJoCo's forces there."""
 
+import pickle
+
 import mujoco
 import numpy as np
 import pytest
@@ -163,6 +165,15 @@ def test_jacobians_are_derivatives_of_the_point_by_coordinates(content):
             frame_kinematics(robot, frame, coordinates + h, theta)[1][0] for h in (step, -step)
         )
         np.testing.assert_allclose(jacobian[:3, j], (ahead - behind) / 2e-6, atol=1e-7)
+
+
+def test_robots_do_not_grow_with_the_frames_that_are_asked_for():
+    robot, at = built(PENDULUM), np.array([[0.4]])
+    sizes = []
+    for height in (0.1, 0.2, 0.3):
+        tool_model(robot, at, Frame("rod", (0.8, 0.0, height)))
+        sizes.append(len(pickle.dumps(robot)))
+    assert sizes[2] == sizes[0]
 
 
 def test_mistakes_name_frame_and_motors():
