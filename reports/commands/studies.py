@@ -40,6 +40,18 @@ Cluster = Annotated[
 _OF_VISITS = frozenset({"minutes", "targets", "excitations", "spectra"})
 """Keys of a design of visits. Its settings are not asked, which load the numerics."""
 
+_OTHER_COMMANDS = {
+    "chains": "chains: coupled chains have neither design nor posterior; use oed run",
+    "movements": (
+        "data.movements: movements have neither design nor posterior; use oed run or oed fit"
+    ),
+    "visits": (
+        "design: visits within minutes or to targets have neither fit nor posterior; "
+        "oed design or oed run plans them, oed simulate carries them out"
+    ),
+}
+"""What to do with studies of other kinds."""
+
 _MODULES = (
     "reports.cli",
     "oed.study.pipeline",
@@ -141,17 +153,9 @@ def read_study(study: Path) -> "Study":
 
     if study.is_dir() and (study / "study.yaml").is_file():
         raise InvalidInput(f"{study} is a folder; did you mean {study / 'study.yaml'}?")
-    kind = study_kind(study)
-    if kind == "movements":
-        raise InvalidInput(
-            f"{study}: data.movements: movements have neither design nor posterior; use oed run or "
-            "oed fit"
-        )
-    if kind == "visits":
-        raise InvalidInput(
-            f"{study}: design: visits within minutes or to targets have neither fit nor posterior; "
-            "oed design or oed run plans them, oed simulate carries them out"
-        )
+    reason = _OTHER_COMMANDS.get(study_kind(study))
+    if reason is not None:
+        raise InvalidInput(f"{study}: {reason}")
     return load_study(study)
 
 

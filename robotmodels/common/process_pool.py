@@ -28,9 +28,6 @@ _NEVER_BEGAN = (
     "memory"
 )
 
-_FORKS = sys.platform == "linux"
-"""Whether processes are copies of one that does nothing else, which is safe nowhere else."""
-
 _UNTIL_GONE = 0.1
 """From the end of a process's files to that of the process, at most [s]."""
 
@@ -69,8 +66,7 @@ class ProcessPool(Executor):
 
     def __init__(self, workers: int, restarts: int = 3, modules: Sequence[str] = ()) -> None:
         _check_script()
-        context = multiprocessing.get_context("forkserver" if _FORKS else "spawn")
-        load_ahead(modules)
+        context = multiprocessing.get_context("forkserver" if load_ahead(modules) else "spawn")
         self._begun = context.Event()
         self._make = partial(
             ProcessPoolExecutor,
@@ -187,17 +183,22 @@ def _load(module: str) -> None:
     import_module(module)
 
 
-def load_ahead(modules: Sequence[str]) -> None:
-    """Let processes that begin later have modules that another process loads from now on.
+def load_ahead(modules: Sequence[str]) -> bool:
+    """Begin a process of which later ones are copies, and let it load modules.
 
-    It does nothing where processes do not begin as copies of one, or that one runs already.
+    Return whether it runs: not where such copies are not safe, which is everywhere but on Linux,
+    and not without a place for its socket. One that runs already loads nothing more.
     """
-    if not _FORKS:
-        return
+    if sys.platform != "linux":
+        return False
     # Without the script, whose threads and locks copies would not survive.
     forkserver.set_forkserver_preload(list(modules))
-    with _inherited():
-        forkserver.ensure_running()
+    try:
+        with _inherited():
+            forkserver.ensure_running()
+    except OSError:
+        return False
+    return True
 
 
 @contextmanager

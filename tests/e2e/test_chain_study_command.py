@@ -25,6 +25,13 @@ def folder(tmp_path_factory):
     return folder
 
 
+@pytest.mark.parametrize("command", ["design", "fit", "sample"])
+def test_other_commands_name_the_one_for_chains(command):
+    code, _, err = oed(command, STUDY)
+    assert (code, err.count("\n")) == (2, 1)
+    assert "coupled chains have neither design nor posterior; use oed run" in err
+
+
 def test_the_published_parameters_are_found_again(folder):
     numbers = json.loads(
         (folder / "out" / "coupled_chains" / "chain_study.json").read_text(encoding="utf-8")

@@ -147,7 +147,11 @@ FORMATS = (
         (f"fit {{file}} {ONE}", f"design {{file}} {ONE}"),
     ),
     Format(
-        "study of the repository", "examples", "study_[!m]*.yaml", YAML, (f"design {{file}} {ONE}",)
+        "study of the repository",
+        "examples",
+        "study_[!cm]*.yaml",
+        YAML,
+        (f"design {{file}} {ONE}",),
     ),
     Format("experiment", "inputs", "experiment.yaml", YAML, (f"simulate {{file}} {ONE}",)),
     Format(

@@ -31,6 +31,7 @@ SMALLER = (
     (r"count: \d+", "count: 4"),
     (r"ensembles: \d+", "ensembles: 2"),
     (r"blocks: \d+", "blocks: 2"),
+    (r"blocks: \[.*?\]", "blocks: [2]"),
     (r"output: .*", "output: results"),
 )
 """What makes the studies of the repository cheap."""
