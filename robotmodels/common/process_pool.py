@@ -286,7 +286,7 @@ def _prepare_worker(begun: "Event", environment: Mapping[str, str]) -> None:
     _set_environment(environment)
     collect_rarely()
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    if _FORKS:
+    if hasattr(signal, "pthread_sigmask"):  # not of Windows, where nothing blocks it
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
