@@ -195,7 +195,8 @@ def _results(
         ),
         _value(methods.comparison),
         _value(held_out),
-        _value(tools),
+        None if tools is None else tools.value.tool,
+        None if tools is None else tools.value.free_modes,
         _value(bands),
     )
 

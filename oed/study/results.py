@@ -10,6 +10,7 @@ from estimators.sampling.exported_draws import fit_draws, spread_words
 from estimators.structure.power import StructurePower
 from estimators.trust.trust import Trust
 from estimators.validation.controller_margins import ControllerMargins, controller_margins
+from estimators.validation.predict import Prediction
 from estimators.validation.predict_tool import ToolPrediction
 from oed.experiment.prepare import controller_of
 from oed.plan_comparison.plan_comparison import PlanComparison
@@ -150,6 +151,8 @@ class StudyResults(FittedStudy):
     tool : ToolPrediction or None
         Compliance and modes at the end of the last link in the plan's first positions; None
         without a covariance.
+    free_modes : Prediction or None
+        Modes of the robot with free motors there, (Q, 2, k), of `free_modes`.
     responses : PredictedResponses or None
         How certain the result's FRFs are; None without a covariance, or where the data are runs.
     """
@@ -158,6 +161,7 @@ class StudyResults(FittedStudy):
     comparison: PlanComparison | None
     validation: HeldOut | None
     tool: ToolPrediction | None
+    free_modes: Prediction | None = None
     responses: PredictedResponses | None = None
 
     @property

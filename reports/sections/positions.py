@@ -5,8 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from markupsafe import Markup
 
-from estimators.validation.predict import predict
-from estimators.validation.quantities import free_modes
 from oed.study.parts import DesignedPlan, MeasuredPlan
 from oed.study.results import FittedStudy, PlannedStudy, StudyResults
 from reports import text
@@ -20,11 +18,7 @@ from reports.sections.plan_labels import (
     prismatic,
 )
 from robotmodels.common.arrays import Array
-from robotmodels.common.errors import IdentificationError
 from robotmodels.elastic.mode_pictures import mode_movements
-
-_TOLD = 24
-"""Positions whose modes are told with their bands, at most: they take time."""
 
 
 @dataclass(frozen=True)
@@ -68,15 +62,9 @@ def drawings(results: PlannedStudy) -> RobotDrawings:
 
 
 def mode_words(results: PlannedStudy) -> list[tuple[str, ...]]:
-    """Return what is said of the modes that are shown in each of the first positions.
-
-    Nothing without a fit, or where it leaves parameters open.
-    """
-    if not isinstance(results, FittedStudy):
-        return []
-    try:
-        modes = predict(results.fits.result, free_modes, results.plan.positions[:_TOLD])
-    except IdentificationError:
+    """Return what is said of the modes in each of the first positions, if anything."""
+    modes = results.free_modes if isinstance(results, StudyResults) else None
+    if modes is None:
         return []
     factors = np.array([1 / (2 * np.pi), 100.0])[:, None]
     ends = (factors * part for part in (modes.values.real, modes.lower, modes.upper))
