@@ -88,12 +88,12 @@ class RunSpectra(ReprHtml):
     inputs: ComplexArray
     outputs: ComplexArray
     covariance: ComplexArray
-    degrees_of_freedom: Array = np.inf  # type: ignore[assignment]
-    shared_draws: Array = np.inf  # type: ignore[assignment]
+    degrees_of_freedom: Array = np.inf  # type: ignore[assignment]  # an array after __post_init__
+    shared_draws: Array = np.inf  # type: ignore[assignment]  # an array after __post_init__
     noise: str = "declared"
     sample_time: float | None = None
     delay: float = 0.0
-    derivatives: IntArray = 2  # type: ignore[assignment]
+    derivatives: IntArray = 2  # type: ignore[assignment]  # an array after __post_init__
     polynomials: bool = False
     commanded: bool = True
     hold_time: float = 0.0

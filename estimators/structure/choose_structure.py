@@ -120,7 +120,7 @@ class StructureChoice(ReprHtml):
         for spring in self.springs:
             twins = self.twins[spring.name]
             group = f"; the data cannot tell it from {', '.join(twins)}: tie them" if twins else ""
-            stiffness = float(spring.stiffness)  # type: ignore[arg-type]
+            stiffness = float(spring.stiffness)  # type: ignore[arg-type]  # none hardens
             lines.append(f"  {spring.name}: {stiffness:.4g}, damping {spring.damping:.4g}{group}")
         first, last = self.bic
         lines.append(f"  BIC {first:.6g} before, {last:.6g} now")

@@ -134,7 +134,7 @@ class Refits:
             self.damping_times, key=lambda t: abs(np.log((t + 1e-9) / (favoured + 1e-9)))
         ):
             for share in (1.0, 0.1):
-                stiffness = float(spring.stiffness) / share  # type: ignore[arg-type]
+                stiffness = float(spring.stiffness) / share  # type: ignore[arg-type]  # none hardens
                 values = {"stiffness": stiffness, "damping": max(time * stiffness, 1e-9)}
                 yield spring.model_copy(update=values)
 

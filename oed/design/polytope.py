@@ -49,8 +49,19 @@ class Polytope:
         return np.asarray(self.bounds - self.rows @ self.lower)
 
     def violation(self, weights: Array) -> float:
-        """Return the largest violation of a row or limit, see `violation`."""
-        return violation(self.rows, self.bounds, self.lower, self.upper, weights)
+        """Return the largest violation of a row or limit, relative to its bound.
+
+        Relative to what all weights would use where that is zero, so that rounding is small there.
+        """
+        total = float(weights.sum()) or 1.0
+        used = np.abs(self.rows).max(axis=1) * total
+        sizes = np.where(self.bounds != 0, np.abs(self.bounds), np.where(used > 0, used, 1.0))
+        over = (self.rows @ weights - self.bounds) / sizes
+        limited = np.isfinite(self.upper)
+        upper = self.upper[limited]
+        above = (weights[limited] - upper) / np.where(upper > 0, upper, total)
+        below = (self.lower - weights) / np.maximum(self.lower, weights.max(initial=1e-12))
+        return float(max(over.max(), above.max(initial=0.0), below.max()))
 
     def upper_bound(self, coefficients: Array, multipliers: Array | None = None) -> float:
         """Return an upper bound on c'w over all allowed w; the largest itself if m = 1.
@@ -160,20 +171,6 @@ class Polytope:
         before = np.concatenate([[0.0], np.cumsum(demand)[:-1]]) if len(order) else demand
         weights[order] += np.minimum(demand, np.maximum(slack - before, 0.0)) / cost[order]
         return weights
-
-
-def violation(rows: Array, bounds: Array, lower: Array, upper: Array, weights: Array) -> float:
-    """Return by how much weights violate a row or limit at most, relative to its size.
-
-    That is its bound, or what all weights on its largest entry would use, so that rounding is small
-    at bounds of zero too; negative where all are met with room.
-    """
-    total = float(weights.sum()) or 1.0
-    sizes = np.maximum(np.abs(bounds), np.abs(rows).max(axis=1) * total)
-    over = (rows @ weights - bounds) / np.where(sizes > 0, sizes, 1.0)
-    above = (weights - upper) / total
-    below = (lower - weights) / np.maximum(lower, total)
-    return float(max(over.max(), above.max(), below.max()))
 
 
 def _linear_program(

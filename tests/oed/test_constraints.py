@@ -126,9 +126,9 @@ def test_rounding_at_bounds_of_zero_is_no_violation(scale):
 
     assert violation(weights) < 1e-15
     assert violation(weights - scale * np.array([0, 1e-3, 0])) == pytest.approx(1e-3, rel=2e-3)
-    assert violation(weights, bounds=np.array([0.99, 0.0])) == pytest.approx(0.01)
-    assert violation(weights, upper=np.array([0.3, 0.3, 0.59])) == pytest.approx(0.01)
-    assert violation(weights, lower=np.array([0.2, 0.21, 0.0])) == pytest.approx(0.01)
+    assert violation(weights, bounds=np.array([0.99, 0.0])) == pytest.approx(0.01 / 0.99)
+    assert violation(weights, upper=np.array([0.3, 0.3, 0.59])) == pytest.approx(0.01 / 0.59)
+    assert violation(weights, lower=np.array([0.2, 0.21, 0.0])) == pytest.approx(0.01 / 0.6)
     assert violation(scale * np.array([0.0, 0.0, 1e-17]), upper=np.array([1.0, 1.0, 0.0])) > 0.5
     tiny = scale * np.array([0.2, 0.2, 1e-17])
     assert violation(tiny, upper=np.array([1.0, 1.0, 0.0])) < 1e-15
